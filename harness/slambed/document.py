@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Generates the tables of docs/ from the list of metrics, the records, CMake and the imports, and
-the C++ parameter header of each system from its system.yaml.
+"""Generates the tables of docs/ from the metrics, records, CMake and imports, and the C++ parameter
+header of each system from its system.yaml.
 
     python -m slambed.document
 

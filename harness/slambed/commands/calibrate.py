@@ -52,8 +52,8 @@ def calibrate(
     limits of devices with a board (cores, core_speed). --limits shows what one and four busy
     threads get under a device's limits, and a thread's longest freeze.
 
-    --stages fits the cost model of a device (each stage costs a + b*n1 + c*n2) to live runs of this
-    host, shows the residuals, and writes a device file. --match scales the model until virtual runs
+    --stages fits a device's cost model (a + b*n1 + c*n2 per stage) to live runs of this host and
+    shows the residuals; -o writes it to a device file. --match scales the model until virtual runs
     show the component times that a paper prints, and writes the devices of that fit. With --check
     it writes nothing and shows how well they fit.
     """

@@ -36,9 +36,9 @@ def watch(
 ) -> None:
     """Watch running campaigns: the current runs, and the queue.
 
-    Shows frames, tracking state, RTT and CPU of the current run from the files that it writes, and
-    runs done, failed and left with the time they need. It only reads, and ends with the campaign or
-    with Ctrl-C.
+    Shows frames, tracking state, RTT and CPU of the current run from the files that it writes. The
+    queue lists runs done, failed and left, with the time left. It only reads, and ends with the
+    campaign or with Ctrl-C.
     """
     from slambed.campaign.watch import CampaignWatch, running
     from slambed.commands.watch_view import view

@@ -149,8 +149,8 @@ def _overlapping(
 
 
 def _taken(run: RunLog, begin_s: float, end_s: float, missing_ms: float) -> tuple[float, float]:
-    """Returns how much of the missing time was throttled and stalled, at most the counters' growth
-    from the sample before the frame to the one after it."""
+    """Returns how much of the missing time was throttled and stalled. Neither exceeds the counters'
+    growth from the sample before the frame to the one after it."""
     if not len(run.samples) or missing_ms <= 0:
         return 0.0, 0.0
     own = run.samples[run.samples["node"] == "mobile"].sort_values("t_s")

@@ -84,8 +84,7 @@ class Places:
 
 def find_places(plan: Inference, source: YamlSource, paper: Paper, console: Console) -> Places:
     """Finds all numbers of a plan. Raises SlambedError, with a location in the plan's file, for a
-    number that the paper does not print, that cannot be fitted, or that no experiment of the plan
-    has a cell for."""
+    number that is not printed, cannot be fitted, or has no cell in the plan's experiments."""
     cells = cells_of(paper)
     wanted = [("fit", i, c) for i, c in enumerate(plan.fit)]
     wanted += [("held_out", i, c) for i, c in enumerate(plan.held_out)]

@@ -14,9 +14,9 @@ Outcome = Literal["reproduced", "differs", "inconclusive", "not_run"]
 OrderOutcome = Literal[
     "holds", "reversed", "not_seen", "too_few_runs", "inconclusive", "not_shown_by_paper"
 ]
-"""Verdict on a published ordering. If our runs do not show it, it is `not_seen` if they would have
-(`SEEN_POWER`), `too_few_runs` if they might not have, and `inconclusive` if the paper prints no
-numbers to compute that."""
+"""Verdict on a published ordering. If our runs do not show it: `not_seen` if they would have
+(`SEEN_POWER`), `too_few_runs` if they might not have, `inconclusive` if the paper prints no numbers
+to compute that."""
 Scale = Literal["points", "ratio", "difference"]
 """Effect scales: difference of shares, log ratio of means, difference of means in their unit."""
 
