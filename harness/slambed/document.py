@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Writes what docs/ say that follows from the list of metrics, from records, from CMake and from
-the imports, and what the C++ of each system takes from its system.yaml.
+"""Generates the tables of docs/ from the metrics, records, CMake and imports, and the C++ parameter
+header of each system from its system.yaml.
 
     python -m slambed.document
 
-In docs/ each stands between two comments; a test fails when something is not what its source says.
+In docs/ each table lies between two comments; a test fails when a table or header is out of date.
 """
 
 from pathlib import Path
@@ -23,15 +23,15 @@ TABLES = {
     "formats.md": ("run", "sim", "relay", "lines", "samples", "summary", "own", "manifest"),
     "metrics.md": ("gate",),
 }
-"""Page of docs/ and the tables in it."""
+"""Maps a page of docs/ to its tables."""
 UNNAMED = ("apps", "core")
-"""Folders of systems/ whose name is the room's, not that of what lies in it."""
+"""Top folders of systems/ that are left out of a label because they only group other folders."""
 EVERY_SYSTEM = "registry"
-"""The floor whose dependencies CMake finds: it links all systems."""
+"""The layer that links all systems; CMake finds its dependencies itself."""
 
 
 def table(name: str) -> str:
-    """One table as Markdown."""
+    """Returns one table as Markdown."""
     if name == "lines" or name in RECORDS:
         return _lines(*record_table(name))
     return {
@@ -64,8 +64,8 @@ def _own() -> str:
 
 
 def _floors() -> str:
-    """The folders of the C++ in their three rooms, an arrow to each that is used and not reached
-    over another one."""
+    """Draws the C++ folders in their groups, with arrows to direct dependencies that no other path
+    implies."""
     root = repository_root() / "systems"
     floors, programs = floors_of(repository_root()), programs_of(repository_root())
     used: dict[Path, set[Path]] = {}
@@ -97,9 +97,8 @@ def _floors() -> str:
 
 
 def _packages() -> str:
-    """The folders of harness/slambed, an arrow to each that is imported and not reached over
-    another one."""
-    from grimp import build_graph  # Comes with import-linter, so only where slambed is developed.
+    """Draws the packages of harness/slambed, with arrows to imports that no other path implies."""
+    from grimp import build_graph  # Comes with import-linter (development only).
 
     graph = build_graph("slambed", cache_dir=None)
     names = {name for name in graph.find_children("slambed") if graph.find_children(name)}
@@ -117,7 +116,7 @@ def _packages() -> str:
 
 
 def _arrows(used: dict[str, set[str]]) -> list[str]:
-    """Lines of mermaid, without the arrows that say no more than a way over others."""
+    """Returns mermaid lines of the transitive reduction of the graph."""
 
     def reached(name: str) -> set[str]:
         return {name}.union(*(reached(item) for item in used[name]))
@@ -148,12 +147,13 @@ def _least(item: Metric) -> str:
 
 
 def marks(name: str) -> tuple[str, str]:
-    """What stands before and after a table."""
+    """Returns the comments before and after a table."""
     return f"<!-- table {name}: {COMMAND} -->\n", f"<!-- end of table {name} -->\n"
 
 
 def renewed(text: str, names: tuple[str, ...]) -> str:
-    """A page with its tables as the list says. Raises ValueError where the comments are gone."""
+    """Returns the page with its tables regenerated. Raises ValueError where a comment is
+    missing."""
     for name in names:
         begin, end = marks(name)
         head, _, rest = text.partition(begin)
@@ -165,7 +165,7 @@ def renewed(text: str, names: tuple[str, ...]) -> str:
 
 
 def headers() -> dict[Path, str]:
-    """The C++ of each of our systems' parameters, and where it stands."""
+    """Maps the path of each parameter header to its content, for the systems built here."""
     library = Library()
     found = ((name, library.system(name)) for name in library.systems())
     return {

@@ -11,7 +11,7 @@ from slambed.spec.selection import CELL, Selection
 from slambed.terminal import console
 
 LEAST_RUNS = 2
-"""Pairs that a test needs to show anything."""
+"""Fewest pairs that a test can work with."""
 
 
 def bisect(
@@ -32,11 +32,11 @@ def bisect(
     alpha: Annotated[float, typer.Option(help="Chance of a false alarm at a commit.")] = 0.05,
     results: Annotated[Path, typer.Option(help="Folder of all results.")] = Path("results"),
 ) -> None:
-    """Find the first commit that the regression gate would not pass, by virtual runs of equal
-    seeds.
+    """Find the first commit that fails the regression gate, with virtual runs of equal seeds.
 
-    Commits are checked out beside the results, built where their sources differ, and measured by
-    their own harness; what was measured is kept. Ends with 1 where skipped commits leave it open.
+    Commits are checked out in the results folder, built where their sources differ, and measured by
+    their own harness. Measurements are kept. Exits with 1 when skipped commits leave the answer
+    open.
     """
     from slambed.campaign.plan import check, repetitions
     from slambed.files.outputs import make_folder

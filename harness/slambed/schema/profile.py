@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The schema of a link profile, which no single model reads: curves nest, and `$name` stands for a
-number anywhere."""
+"""Makes the schema of a link profile, which no single model reads: curves nest, and `$name` can
+replace any number."""
 
 from typing import Any
 
@@ -23,7 +23,7 @@ def _or_null(schema: Schema) -> Schema:
 
 
 def with_parameters(schema: Any) -> Any:
-    """The same with `$name` wherever a number is asked for."""
+    """Returns the schema with `$name` allowed for every number."""
     if isinstance(schema, list):
         return [with_parameters(item) for item in schema]
     if not isinstance(schema, dict):
@@ -53,7 +53,7 @@ def _curve(definitions: dict[str, Schema]) -> Schema:
 
 
 def profile_definitions() -> dict[str, Schema]:
-    """`Profile`, `ProfileChoice` (as experiments name one) and what they are made of."""
+    """Returns `Profile`, `ProfileChoice` (as in experiments) and their parts."""
     models = [*curves.PLAIN.values(), *curves.LISTS.values(), *curves.WRAPPERS.values()]
     definitions: dict[str, Schema] = with_parameters(
         definitions_of([*models, TraceFile, Jitter, PacketLoss, Bandwidth, Gap])
@@ -105,7 +105,7 @@ def profile_definitions() -> dict[str, Schema]:
 
 
 def profile_schema() -> Schema:
-    """Of a file in netem_profiles/."""
+    """Returns the schema of a file in netem_profiles/."""
     definitions = profile_definitions()
     del definitions["ProfileChoice"]
     return {**definitions.pop("Profile"), "$defs": definitions}

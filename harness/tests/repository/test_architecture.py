@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""docs/architecture.md names files that are there."""
+"""docs/architecture.md names existing files."""
 
 import re
 

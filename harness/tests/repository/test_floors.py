@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A folder of the C++ includes what its target in CMake stands on and nothing else, so a system
-includes another one only where it is a declared dependency; CMake sees libraries only."""
+"""A C++ folder may include only from dependencies of its CMake target. So a system includes another
+one only if that is a declared dependency; CMake itself checks libraries only."""
 
 import re
 from collections import defaultdict
@@ -14,17 +14,17 @@ from slambed.spec.linked import below, floors_of, programs_of
 INCLUDE = re.compile(r'#include "([^"]+)/[^"/]+"')
 NOT_LINKED = {"tests", "bench", "fuzz"}
 SHARED_PARTS = {"systems", "core"}
-"""Folders that an include does not name: they are where it is looked for."""
+"""Include directories, which an include does not name."""
 
 
 def included_as(folder: Path, root: Path) -> str:
-    """`map` of systems/core/map, `apps/relay` of systems/apps/relay."""
+    """Returns `map` for systems/core/map, `apps/relay` for systems/apps/relay."""
     parts = folder.relative_to(root).parts
     return "/".join(part for part in parts if part not in SHARED_PARTS)
 
 
 def wrong_includes(root: Path) -> list[str]:
-    """Files that include from a folder that their floor or program does not stand on."""
+    """Returns files that include from a folder that their layer or program does not depend on."""
     floors = floors_of(root)
     stands_on: dict[Path, set[str]] = defaultdict(set)
     for name, floor in floors.items():
@@ -40,7 +40,7 @@ def wrong_includes(root: Path) -> list[str]:
             if path.suffix not in {".cpp", ".hpp", ".h"} or NOT_LINKED.intersection(inside):
                 continue
             if any(parent in stands_on for parent in path.parents[: len(inside) - 1]):
-                continue  # of a room with a library of its own
+                continue  # in a folder with its own library
             found += [
                 f"{path.relative_to(root)}: {include}"
                 for include in INCLUDE.findall(path.read_text(encoding="utf-8"))
@@ -50,7 +50,7 @@ def wrong_includes(root: Path) -> list[str]:
 
 
 def owner(include: str, names: dict[str, Path]) -> Path | None:
-    """The innermost folder with a target in CMake that the included file lies in."""
+    """Returns the innermost folder with a CMake target that contains the included file."""
     parts = include.split("/")
     heads = ("/".join(parts[:count]) for count in range(len(parts), 0, -1))
     return next((names[head] for head in heads if head in names), None)

@@ -17,7 +17,8 @@ BOUNDS = ("lt", "le", "gt", "ge")
 
 
 class Configured(Strict):
-    """Where our configuration has what the paper sets; exactly one of the three places."""
+    """Where our configuration has a value that the paper sets: in exactly one of a system, a
+    profile or a dataset."""
 
     system: str | None = None
     variant: str | None = None
@@ -55,13 +56,13 @@ class Claim(Comparability):
     unit: str | None
     where: str
     lines: list[int] = Field(default_factory=list)
-    """Lines of the paper's plain text that say so."""
+    """Lines of the paper's plain text with the statement."""
     recomputed: Number | None = None
-    """The number computed from the paper's own cells."""
+    """The number recomputed from the paper's own cells."""
     quantity: Quantity | None = None
-    """What the number is, where it is computed from several cells."""
+    """What the number is, if it is computed from several cells."""
     configured: Configured | None = None
-    """Where the lint finds the same value in our configuration."""
+    """Where the lint must find the same value in our configuration."""
     note: str = ""
 
     @model_validator(mode="after")

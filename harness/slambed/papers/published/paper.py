@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""papers/<id>/paper.yaml: published numbers, and how their coordinates are found in our results."""
+"""papers/<id>/paper.yaml: published numbers, and how their coordinates map to our results."""
 
 from typing import Any, Literal
 
@@ -23,7 +23,7 @@ class Source(Strict):
 
     @property
     def published(self) -> str:
-        """Venue and year; a venue that ends with its date, as journals print it, has the year."""
+        """Returns venue and year; a journal's venue may already end with the year."""
         ends_with_it = self.venue.endswith(f" {self.year}")
         return self.venue if ends_with_it else f"{self.venue}, {self.year}"
 
@@ -46,14 +46,15 @@ class Paper(Strict):
     setups: dict[str, PeerSetup] = Field(default_factory=dict)
 
     def names(self) -> set[str]:
-        """What an experiment may say it reproduces: the paper, its tables, figures and claims."""
+        """Returns the names that an experiment can reproduce: the paper, its tables, figures and
+        claims."""
         tables = {table.id for table in self.tables}
         figures = {figure.id for figure in self.figures}
         return {self.id} | tables | figures | {claim.id for claim in self.claims}
 
     def sources(self, names: set[str]) -> set[str]:
-        """Tables, figures and claims among `names`; a figure stands for the claims stated with it
-        too, the paper's own id for everything in it."""
+        """Returns tables, figures and claims among `names`. A figure includes the claims stated
+        with it; the paper's own id includes everything."""
         known = self.names() - {self.id}
         if self.id in names:
             return known

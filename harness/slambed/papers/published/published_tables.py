@@ -28,11 +28,11 @@ class Row(Comparability):
     dims: dict[str, Any]
     values: dict[str, Value]
     metrics: dict[str, str] = Field(default_factory=dict)
-    """Column -> metric, where neither row nor column alone names it."""
+    """Maps a column to the metric, if neither row nor column alone names it."""
     runs: dict[str, int] = Field(default_factory=dict)
-    """Column -> runs behind that value, where they are not those of the table."""
+    """Maps a column to the runs behind its value, if they differ from the table's."""
     spread_of: Literal["runs", "rounds"] = "runs"
-    """What the printed spread is over. The number of rounds is printed nowhere."""
+    """What the printed spread is over. The number of rounds is not printed."""
 
 
 class PublishedTable(Comparability):
@@ -42,13 +42,13 @@ class PublishedTable(Comparability):
     label: str
     where: str
     lines: list[int] = Field(default_factory=list)
-    """Lines of the paper's plain text that hold it."""
+    """Lines of the paper's plain text with the table."""
     caption: str
     conditions: dict[str, Any]
     columns: dict[str, Column]
     rows: dict[str, Row]
     cells: dict[str, Comparability] = Field(default_factory=dict)
-    """`<row>.<column>` -> what is said of that cell alone."""
+    """Maps `<row>.<column>` to the comparability of that cell alone."""
     notes: list[str] = Field(default_factory=list)
 
     @model_validator(mode="after")
@@ -63,10 +63,10 @@ class PublishedTable(Comparability):
 
 
 class Series(Strict):
-    """Points along one condition that a figure or a sentence is about, as places for contrasts.
+    """Points along one condition of a figure or a sentence, for use in contrasts.
 
-    Their ids are `<figure>.<series>.<value>`. `values` holds what the paper prints of them; a curve
-    that was never printed in numbers has none, and none are read off a picture.
+    Their ids are `<figure>.<series>.<value>`. `values` has the numbers that the paper prints; it is
+    empty for a curve without printed numbers, because none are read off a plot.
     """
 
     label: str
@@ -78,7 +78,7 @@ class Series(Strict):
     at: list[Number | str] = Field(min_length=1)
     values: list[Number | None] = Field(default_factory=list)
     unmappable: str | None = None
-    """Why no run of ours can stand for these points."""
+    """Why no run of ours corresponds to these points."""
 
     @model_validator(mode="after")
     def _as_many(self) -> "Series":
@@ -95,7 +95,7 @@ class PublishedFigure(Strict):
     where: str
     shows: str
     stated: list[str]
-    """Claims that give numbers of this figure in words."""
+    """Claims that state numbers of this figure in the text."""
     series: dict[str, Series] = Field(default_factory=dict)
     unmappable: str | None = None
     """Why nothing of it is compared."""
