@@ -68,7 +68,7 @@ class StageCost(BaseModel):
     b_us: float = Field(default=0.0, ge=0)
     c_us: float = Field(default=0.0, ge=0)
     jitter: float = Field(default=0.0, ge=0, le=3)
-    """Standard deviation of the logarithm of this factor; its median is 1."""
+    """Standard deviation of the logarithm of the cost's random factor, whose median is 1."""
     accelerator: str | None = None
     """The accelerator that executes this stage; null = a CPU core."""
 

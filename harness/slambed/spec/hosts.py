@@ -30,7 +30,7 @@ class Host(BaseModel):
     """Folder of the checkout on that host, with its `.venv`; relative to the home folder."""
     engine: Literal["docker", "local"] = "docker"
     cores: int | None = Field(default=None, ge=1, le=1024)
-    """Number of CPUs that runs may use on that host, from CPU 0 on; null = all."""
+    """Number of CPUs that runs may use on that host, the first available ones; null = all."""
     labels: list[Name] = Field(default_factory=list)
     """Labels that select the host with `--on`."""
     ssh: list[str] = Field(default_factory=list)
