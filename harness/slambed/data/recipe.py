@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The models of catalog/datasets/*.yaml. Unknown keys are errors."""
+"""Models of catalog/datasets/*.yaml; unknown keys are errors."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ class _Strict(BaseModel):
 
 
 class CameraRecipe(_Strict):
-    """Camera of the source images; left out where the dataset brings its own calibration."""
+    """Camera of the source images; omitted if the dataset has its own calibration."""
 
     width: int = Field(gt=0)
     height: int = Field(gt=0)
@@ -35,9 +35,10 @@ class CameraRecipe(_Strict):
     cy: float
     bf: float = Field(ge=0, description="fx times baseline, px m")
     distortion: tuple[float, ...] = (0.0, 0.0, 0.0, 0.0, 0.0)
-    """k1 k2 p1 p2 [k3 [k4 k5 k6]] as OpenCV has them, or k1 k2 k3 k4 of `equidistant`."""
+    """k1 k2 p1 p2 [k3 [k4 k5 k6]] in OpenCV's order, or k1 k2 k3 k4 for `equidistant`."""
     distortion_model: str = "radial-tangential"
-    """What a node cannot take out (equidistant, k4 and more) is taken out when preparing."""
+    """Distortion that nodes do not support (equidistant, k4 and higher) is removed during
+    preparation."""
 
     @model_validator(mode="after")
     def _known_distortion(self) -> Self:
@@ -48,19 +49,19 @@ class CameraRecipe(_Strict):
         return self
 
     def lens(self) -> Lens:
-        """With what distorts the source images."""
+        """Returns the lens model of the source images."""
         model = model_of(self.distortion_model, "distortion_model")
         matrix = np.array([[self.fx, 0, self.cx], [0, self.fy, self.cy], [0, 0, 1.0]])
         return Lens(matrix, coefficients_of(self.distortion, model, "distortion"), model)
 
     @property
     def is_straightened(self) -> bool:
-        """True where the distortion is taken out when preparing."""
+        """True if the distortion is removed during preparation."""
         lens = self.lens()
         return lens.model == "equidistant" or bool(lens.coefficients[PLAIN_COUNT:].any())
 
     def camera(self) -> Camera:
-        """Of the frames as prepared, without the image size."""
+        """Returns the camera of the prepared frames."""
         left = () if self.is_straightened else self.distortion[:PLAIN_COUNT]
         k1, k2, p1, p2, k3 = (*left, *[0.0] * (PLAIN_COUNT - len(left)))
         pinhole = self.model_dump(exclude={"width", "height", "distortion", "distortion_model"})
@@ -68,7 +69,7 @@ class CameraRecipe(_Strict):
 
 
 class DatasetPlayback(_Strict):
-    """What an experiment uses when it does not say otherwise."""
+    """Defaults for experiments that do not set these options."""
 
     fps: float | None = Field(default=None, gt=0)
     start_s: float = Field(default=0.0, ge=0)
@@ -76,7 +77,7 @@ class DatasetPlayback(_Strict):
 
 
 class Download(_Strict):
-    """Where the data comes from. Without a verified checksum nothing is fetched unasked."""
+    """Source of the data. Without a verified checksum a download requires --force."""
 
     url: str
     mirrors: tuple[str, ...] = Field(
@@ -89,12 +90,12 @@ class Download(_Strict):
 
     @property
     def verified(self) -> bool:
-        """True when the checksum was seen by whoever wrote the recipe."""
+        """True if the author of the recipe recorded the checksum."""
         return self.sha256 != UNVERIFIED
 
 
 class Synthetic(_Strict):
-    """Options of slambed-synth, named as on its command line with '_' for '-'."""
+    """Options of slambed-synth, named like its command line options with '_' instead of '-'."""
 
     trajectory: str = Field(
         default="spline",
@@ -127,7 +128,7 @@ class Synthetic(_Strict):
 
     @property
     def path_file(self) -> str | None:
-        """The trajectory when it is a file, else None."""
+        """The trajectory if it is a file, else None."""
         return self.trajectory if self.trajectory.endswith(".txt") else None
 
 
@@ -136,13 +137,13 @@ _LATER = {
     "right_yaw_deg", "right_pitch_deg", "right_roll_deg", "readout_s", "exposure_wander",
     "people", "activity", "labels", "max_depth_m",
 }  # fmt: skip
-"""Options that came with streets, people and the hall: what asks for none keeps its key."""
+"""Later options: a recipe that does not use them keeps its old key."""
 
 
 def split_pattern(pattern: str) -> tuple[Path | None, str]:
-    """A pattern of `paths` as the folder that it starts from and what glob() takes below it; None
-    stands for every folder of the search path. Only absolute ones (`~` too) have a folder of
-    their own."""
+    """Splits a pattern of `paths` into its start folder and the part for glob(). The folder is
+    None for a relative pattern, which applies to every folder of the search path; absolute
+    patterns may start with `~`."""
     path = Path(pattern).expanduser()
     if not path.is_absolute():
         return None, pattern
@@ -150,8 +151,8 @@ def split_pattern(pattern: str) -> tuple[Path | None, str]:
 
 
 class Dataset(_Strict):
-    """One sequence: recorded (reader), generated (synthetic), a part of another one (window_of) or
-    a choice of others (first_of)."""
+    """One sequence: recorded (reader), generated (synthetic), a part of another one (window_of),
+    or the first available of others (first_of)."""
 
     id: str = Field(pattern=r"^[a-z0-9][a-z0-9_]*$")
     title: str
@@ -172,11 +173,11 @@ class Dataset(_Strict):
     synthetic: Synthetic | None = None
     first_of: tuple[str, ...] = ()
     window_of: str | None = None
-    """Of this dataset `playback` plays a part: no copy is made."""
+    """The dataset of which `playback` selects a part, without a copy."""
     prior_map: str | None = None
-    """Prepared input that a parameter with the value `dataset` stands for (docs/inputs.md)."""
+    """Prepared input used for parameters with the value `dataset` (docs/inputs.md)."""
     reference: str | None = None
-    """Prepared input whose path runs on this dataset are compared with."""
+    """Prepared input with the path that runs on this dataset are compared with."""
 
     @model_validator(mode="before")
     @classmethod
@@ -212,11 +213,12 @@ class Dataset(_Strict):
         return self
 
     def content_key(self) -> str:
-        """Hash of everything that changes what the prepared sequence contains."""
+        """Returns a hash of everything that affects the content of the prepared sequence."""
         aside = {"aliases", "paths", "playback", "download", "license", "note"}
         aside |= {"window_of", "prior_map", "reference"}
         content = self.model_dump(mode="json", exclude=aside)
-        # What a recipe does not ask for leaves its key as it was before one could ask for it.
+        # Options that a recipe does not use are left out, so that its key does not change when they
+        # are introduced.
         camera = content["camera"]
         if camera is not None and camera["distortion_model"] == "radial-tangential":
             del camera["distortion_model"]

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Which sources one system really links: what changes elsewhere leaves its runs what they are."""
+"""Which sources a system links, so that a change elsewhere leaves its run keys unchanged."""
 
 import hashlib
 import re
@@ -11,7 +11,7 @@ from slambed.native import repository_root
 
 
 class Target(NamedTuple):
-    """What CMake builds: the folder it stands in, and the floors that it names as dependencies."""
+    """A CMake target: its folder and the layers that it depends on."""
 
     folder: Path
     depends: list[str]
@@ -21,18 +21,18 @@ FLOOR = re.compile(r"slambed_floor\(\s*(\w+)([^)]*)\)")
 PROGRAM = re.compile(r"slambed_(?:program|tool)\(\s*([\w-]+)([^)]*)\)")
 LIBRARY = re.compile(r"\bslambed_(\w+)")
 ALWAYS = ("CMakeLists.txt", "cmake", "systems/CMakeLists.txt", "systems/core/CMakeLists.txt")
-"""How everything is built."""
+"""These files affect every build."""
 ALWAYS_LIVE = (*ALWAYS, "docker")
 NODE = "slambed-node"
 LIVE_PROGRAMS = (NODE, "slambed-relay", "slambed-pace")
-"""What every live run starts. The node is another one where the system has a program of its own,
-as `play` has."""
+"""Programs that every live run starts. A system that needs its own node program, such as `play`,
+replaces slambed-node."""
 VIRTUAL_PROGRAMS = ("slambed-sim",)
 LEFT_OUT_FOLDERS = {"tests", "bench", "fuzz", "__pycache__"}
 LEFT_OUT_SUFFIXES = {".md", ".yaml"}
 CPP_SUFFIXES = {".cpp", ".hpp", ".inl", ".h"}
-# Literals are kept as they are: a string may hold what looks like a comment, a digit separator is
-# no quote.
+# Literals are matched so that comment markers inside strings stay. A digit separator does not open
+# a character literal.
 CPP_TOKEN = re.compile(
     r'(?P<raw>R"(?P<mark>[^\s()\\]{0,16})\(.*?\)(?P=mark)")'
     r'|(?P<string>"(?:\\.|[^"\\\n])*")'
@@ -44,8 +44,9 @@ CMAKE_COMMENT = re.compile(r"(?m)^\s*#[^\n]*$")
 
 
 def linked_hash(system: str, root: Path | None = None, *, virtual: bool = False) -> str | None:
-    """SHA-256 (12 hex digits) over names and code of what a live or a virtual run of this system is
-    built from, comments and blank lines left out; None for a system without sources here."""
+    """Returns SHA-256 (12 hex digits) over names and code of the sources of a live or virtual
+    run of this system, without comments and blank lines. None for a system without sources in
+    this checkout."""
     base = root or repository_root()
     floors = floors_of(base)
     if system not in floors:
@@ -71,12 +72,12 @@ def _programs_of_runs(system: str, programs: dict[str, Target], virtual: bool) -
 
 
 def floors_of(base: Path) -> dict[str, Target]:
-    """Name -> each library that CMake builds."""
+    """Returns name -> target of each library that CMake builds."""
     return _targets(base, FLOOR)
 
 
 def programs_of(base: Path) -> dict[str, Target]:
-    """Name -> each program that CMake builds."""
+    """Returns name -> target of each program that CMake builds."""
     return _targets(base, PROGRAM)
 
 
@@ -90,7 +91,7 @@ def _targets(base: Path, call: re.Pattern[str]) -> dict[str, Target]:
 
 
 def below(names: Iterable[str], floors: dict[str, Target]) -> set[str]:
-    """These floors and all that they stand on."""
+    """Returns these layers and all their transitive dependencies."""
     found: set[str] = set()
     waiting = list(names)
     while waiting:

@@ -21,16 +21,17 @@ KINDS: dict[str, type] = {
 
 
 class Parameter(BaseModel):
-    """One knob of a system: its type, range, default and where the value comes from."""
+    """One parameter of a system: its type, range, default and the source of its value."""
 
     model_config = STRICT
 
     type: Literal["int", "float", "bool", "str", "path", "network"]
-    """`path`: of an input file, empty for none; its content is what matters to a run. `dataset`
-    stands for the prior map that the dataset's file names. `network`: of catalog/networks/, empty
-    for none; the harness has it segment the pictures (docs/masks.md), and no node is given it."""
+    """`path`: an input file, empty for none; only its content is in the run key, and `dataset`
+    selects the prior map that the dataset's file names. `network`: a network of
+    catalog/networks/, empty for none; the harness runs the segmentation (docs/masks.md), and
+    nodes do not receive this parameter."""
     role: Role | None = None
-    """Of a path: the only node that is given the file; both if not given."""
+    """For a path: the only node that receives the file; both if not given."""
     default: Scalar
     min: int | float | None = None
     max: int | float | None = None
@@ -47,7 +48,7 @@ class Parameter(BaseModel):
         return self
 
     def check(self, value: object) -> Scalar:
-        """The value in this parameter's type; ValueError says why it is refused."""
+        """Returns the value in this parameter's type. Raises ValueError if it is not allowed."""
         wanted = KINDS[self.type]
         if wanted is float and type(value) is int:
             value = float(value)
@@ -67,27 +68,28 @@ class Parameter(BaseModel):
 
 
 class OwnMetric(BaseModel):
-    """A number of the system's own that its events hold; summary.json has it for its runs."""
+    """A metric that a system defines from its own events; it appears in summary.json of the
+    system's runs."""
 
     model_config = STRICT
 
     doc: str
     event: str
-    """Type of the events it is taken from."""
+    """Type of the events that it is computed from."""
     take: Literal["count", "seconds", "sum", "mean", "median", "p95", "min", "max", "last", "rate"]
-    """`seconds`: playback from each such event until the next one of its type. `rate`: how often in
-    a second something happens that takes the mean of this field, in ms, each time."""
+    """`seconds`: sums the playback time from each such event to the next of its type. `rate`:
+    the rate in Hz of work that takes the mean of this field, in ms."""
     field: str = ""
-    """Of the event; none for `count` and `seconds`."""
+    """Field of the event; empty for `count` and `seconds`."""
     node: Role | None = None
     where: dict[str, Scalar | list[Scalar]] = Field(default_factory=dict)
-    """Only events whose fields have this value (one of these values) ..."""
+    """Uses only events whose fields have this value (or one of these values) ..."""
     unless: dict[str, Scalar | list[Scalar]] = Field(default_factory=dict)
-    """... and none of these."""
+    """... and excludes events with these values."""
     label: str = ""
     unit: str = ""
     shown: str = ""
-    """Unit in tables and figures, `scale` times the stored one."""
+    """Unit in tables and figures; the stored value is multiplied by `scale`."""
     scale: float = 1.0
     digits: int = Field(default=1, ge=0, le=9)
     better: Literal["lower", "higher", "neither"] = "neither"
@@ -103,7 +105,7 @@ class OwnMetric(BaseModel):
 
 
 class Variant(BaseModel):
-    """A named set of defaults."""
+    """A named set of parameter defaults."""
 
     model_config = STRICT
 
@@ -125,11 +127,11 @@ class System(BaseModel):
     params: dict[str, Parameter] = Field(default_factory=dict)
     variants: dict[str, Variant] = Field(default_factory=dict)
     metrics: dict[str, OwnMetric] = Field(default_factory=dict)
-    """By key of summary.json."""
+    """The system's own metrics, by their key in summary.json."""
     stages: dict[str, OwnStage] = Field(default_factory=dict)
-    """Work that its nodes charge and device files need not know."""
+    """Stages that only this system has; device files need no cost for them."""
     runtime: Runtime | None = None
-    """How its programs are started; None: it is one of ours, built into slambed-node."""
+    """How the system's own program is started; null for a system built into slambed-node."""
     doc: str = ""
 
     @model_validator(mode="after")
@@ -170,7 +172,7 @@ class System(BaseModel):
 
     @property
     def edge_files(self) -> list[str]:
-        """Those of them that only the edge is given."""
+        """Names of those parameters whose file only the edge receives."""
         return [name for name in self.file_params if self.params[name].role == "edge"]
 
     @property
@@ -179,16 +181,16 @@ class System(BaseModel):
         return next((name for name, p in self.params.items() if p.type == "network"), None)
 
     def for_nodes(self, params: Mapping[str, Scalar]) -> dict[str, Scalar]:
-        """What of these parameters nodes are given."""
+        """Returns the parameters that nodes receive."""
         return {name: v for name, v in params.items() if name != self.network_param}
 
     @property
     def has_edge(self) -> bool:
-        """True when the system runs a second node, and so needs a link."""
+        """True when the system has an edge node and so needs a link."""
         return "edge" in self.roles
 
     def choose_variant(self, name: str | None) -> str:
-        """The variant asked for, or the first one."""
+        """Returns the given variant, or the first one."""
         known = list(self.variants) or ["default"]
         if name is None:
             return known[0]
@@ -199,7 +201,8 @@ class System(BaseModel):
         return name
 
     def resolve(self, variant: str, overrides: Mapping[str, object]) -> dict[str, Scalar]:
-        """Every parameter: system default, then variant, then experiment."""
+        """Returns all parameters; later layers override earlier ones: system default, variant,
+        experiment."""
         values: dict[str, Scalar] = {name: p.default for name, p in self.params.items()}
         chosen = self.variants[variant].params if variant in self.variants else {}
         for layer in (chosen, overrides):
