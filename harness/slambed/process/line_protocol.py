@@ -119,8 +119,8 @@ def bug(error: Exception) -> Failure:
 def last_answer(
     answer: Callable[[Message], None], describe: Callable[[Exception], Failure] = bug
 ) -> Iterator[None]:
-    """Runs the work of a process that answers requests. The end of the input ends the work. An error
-    becomes the last answer, so that the process at the other end can report it."""
+    """Runs the work of a process that answers requests. The end of the input ends the work. An
+    error becomes the last answer, so that the process at the other end can report it."""
     try:
         yield
     except EOFError:
