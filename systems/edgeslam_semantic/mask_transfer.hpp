@@ -15,8 +15,7 @@ namespace slambed::edgeslam_semantic {
 /// keyframes' features.
 class MaskTransfer {
  public:
-  explicit MaskTransfer(LabelOptions labels, FeatureTrackOptions tracks = {})
-      : tracks_(tracks), labels_(labels) {}
+  explicit MaskTransfer(LabelOptions labels, FeatureTrackOptions tracks = {});
 
   /// Continues the feature tracks into the next frame.
   void track(std::shared_ptr<const FeatureSet> features);
@@ -45,12 +44,13 @@ class MaskTransfer {
     std::shared_ptr<const FrameTracks> frame;
     std::vector<FeatureTrackId> own_tracks;  ///< of the keyframe's features
   };
-  /// Forgets keyframes older than kKeptFrames, whether or not their masks have come.
+  /// Forgets keyframes whose labels have expired for a while, whether or not their masks have come.
   void forget_old();
   void set_free();
 
   FeatureTracks tracks_;
   TrackLabels labels_;
+  int kept_frames_;  ///< age in frames at which a keyframe is forgotten
   std::deque<std::shared_ptr<const FrameTracks>> past_;  ///< newest frames, newest last
   std::vector<std::uint8_t> free_;
   std::unordered_set<FeatureTrackId> compared_;

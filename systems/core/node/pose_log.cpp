@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "node/pose_log.hpp"
 
+#include <cstdlib>
+
 #include "base/files.hpp"
 #include "map/map.hpp"
 
@@ -18,9 +20,10 @@ class TumFile {
     Eigen::Quaterniond q = T_wc.quaternion();
     if (q.w() < 0) q.coeffs() = -q.coeffs();
     constexpr std::int64_t kSecond = 1'000'000'000;
-    file_.print("%lld.%09lld %.9f %.9f %.9f %.9f %.9f %.9f %.9f\n",
-                static_cast<long long>(ns / kSecond), static_cast<long long>(ns % kSecond),
-                T_wc.t.x(), T_wc.t.y(), T_wc.t.z(), q.x(), q.y(), q.z(), q.w());
+    file_.print("%s%lld.%09lld %.9f %.9f %.9f %.9f %.9f %.9f %.9f\n", ns < 0 ? "-" : "",
+                std::abs(static_cast<long long>(ns / kSecond)),
+                std::abs(static_cast<long long>(ns % kSecond)), T_wc.t.x(), T_wc.t.y(), T_wc.t.z(),
+                q.x(), q.y(), q.z(), q.w());
   }
 
   void close() { file_.close(); }

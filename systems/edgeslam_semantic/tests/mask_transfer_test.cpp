@@ -73,6 +73,20 @@ TEST(MaskTransfer, ALateMaskLabelsTheFeaturesOfNow) {
       kCount / 2);
 }
 
+TEST(MaskTransfer, AKeyframeIsKeptLongerThanLabelsLast) {
+  const Walk walk;
+  MaskTransfer transfer({.frames = 300});
+  transfer.track(walk.frame(0));
+  transfer.keep(wire::keyframe_id(1));
+  for (int n = 1; n <= 300; ++n) transfer.track(walk.frame(0));
+  transfer.keep(wire::keyframe_id(2));
+  EXPECT_TRUE(transfer.labels().contains(wire::keyframe_id(1)));
+  for (int n = 301; n <= 331; ++n) transfer.track(walk.frame(0));
+  transfer.keep(wire::keyframe_id(3));
+  EXPECT_FALSE(transfer.labels().contains(wire::keyframe_id(1)));
+  EXPECT_TRUE(transfer.labels().contains(wire::keyframe_id(2)));
+}
+
 TEST(MaskTransfer, AFeatureThatWasAwayForAMomentKeepsItsLabel) {
   const Walk walk;
   MaskTransfer transfer({.neighbors = 0}, {.missing_frames = 3});

@@ -43,6 +43,17 @@ TEST(PoseBook, UnknownOrOwnReferenceEndsTheChain) {
   EXPECT_EQ(book.pose(kf(3))->t.x(), 8);
 }
 
+TEST(PoseLog, WritesTimesBeforeZero) {
+  testing::TemporaryFolder folder;
+  PoseLog log;
+  log.add(-500'000'000, moved(0), kf(1), moved(0));
+  log.add(-2'000'000'001, moved(0), kf(1), moved(0));
+  log.write_live(folder.path() / "live.txt");
+  const std::string text = testing::read_text(folder.path() / "live.txt");
+  EXPECT_NE(text.find("\n-0.500000000 "), std::string::npos) << text;
+  EXPECT_NE(text.find("\n-2.000000001 "), std::string::npos) << text;
+}
+
 TEST(PoseLog, WritesTumLinesThroughTheReferences) {
   testing::TemporaryFolder folder;
   PoseLog log;

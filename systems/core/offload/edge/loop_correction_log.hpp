@@ -36,9 +36,9 @@ class LoopCorrectionLog {
   std::uint64_t count() const { return count_; }
   /// Commits a change of loop closing, and logs it if it moved any keyframe.
   void commit(Map& map, const MapDelta& delta);
-  /// Moves a keyframe and its new points if the mobile made them on a map from before a correction.
-  /// They move as the old keyframe did that shares the most points with it. applied: the last
-  /// update that the mobile had applied.
+  /// Moves new keyframes and points if the mobile made them on a map from before a correction. They
+  /// move as the old keyframe did that shares the most points with the first new one. applied: the
+  /// last update that the mobile had applied.
   MapDelta correct(const Map& map, MapDelta made, std::uint64_t applied);
   /// Drops all corrections, because the mobile has the current map.
   void forget();

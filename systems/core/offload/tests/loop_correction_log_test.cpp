@@ -65,6 +65,19 @@ TEST_F(LoopCorrectionLogTest, WhatIsMadeOnTheOldMapMovesAsItsNeighborDid) {
   EXPECT_LT((moved.points[0].appearance.normal - shift.R.col(0).cast<float>()).norm(), 1e-6);
 }
 
+TEST_F(LoopCorrectionLogTest, BothKeyframesOfADeltaMove) {
+  updates(5);
+  close_loop();
+  MapDelta two = made(0.5, 31);
+  two.keyframes.push_back(testing::new_keyframe(4, testing::points_from(31, 20)));
+  two.keyframes[1].T_cw.t = {-0.7, 0, 0};
+  const MapDelta moved = correct(two, 5);
+  for (const auto& [index, x] : {std::pair{0, 0.5}, std::pair{1, 0.7}}) {
+    const Eigen::Vector3d center = moved.keyframes[index].T_cw.inverse().t;
+    EXPECT_LT((center - shift * Eigen::Vector3d(x, 0, 0)).norm(), 1e-12) << index;
+  }
+}
+
 TEST_F(LoopCorrectionLogTest, ANeighborThatStayedMovesNothing) {
   updates(5);
   close_loop();
