@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The segmenter of a live run, as the harness holds it: a process beside the edge node that engines
-start each in their way (docs/masks.md)."""
+start each in their way (docs/explanation/masks.md)."""
 
 import contextlib
 import os

@@ -1,7 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """One virtual run: both nodes in one slambed-sim process under a discrete-event clock.
 
-Needs no privilege. Equal specs give equal bytes, whatever else the host does (docs/virtual.md).
+Needs no privilege. Equal specs give equal bytes, whatever else the host does
+(docs/explanation/virtual-time.md).
 """
 
 import ctypes

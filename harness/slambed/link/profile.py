@@ -1,8 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """Link profiles: round trip time, jitter, loss and rate as pure functions of run time.
 
-netem_profiles/*.yaml hold them by name; docs/link.md describes every key. A value is a round trip
-time; half of it is applied per direction unless `up_share` or `one_way_ms` says otherwise.
+netem_profiles/*.yaml hold them by name; docs/reference/profile.md describes every key. A value is
+a round trip time; half of it is applied per direction unless `up_share` or `one_way_ms` says
+otherwise.
 """
 
 import math

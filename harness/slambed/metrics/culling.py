@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """How well a run left out what lies on people, with masks of all ages as they came: by the true
-labels of a generated sequence, which no node reads (docs/masks.md)."""
+labels of a generated sequence, which no node reads (docs/explanation/masks.md)."""
 
 from dataclasses import dataclass
 from pathlib import Path

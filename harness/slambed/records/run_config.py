@@ -30,7 +30,7 @@ class Network(Record):
 
 
 class Segmenter(Record):
-    """Where the edge has its pictures segmented (docs/masks.md)."""
+    """Where the edge has its pictures segmented (docs/explanation/masks.md)."""
 
     socket: str
     """Of the segmenter beside the edge."""
@@ -39,7 +39,7 @@ class Segmenter(Record):
 
 
 class PacedDevice(Record):
-    """Whose pace a node keeps (docs/limits.md, "At the device's pace")."""
+    """Whose pace a node keeps (docs/explanation/limits.md, "At the device's pace")."""
 
     share: float
     """Of a CPU of the host that one of its cores is: what each thread may use."""

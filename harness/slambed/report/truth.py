@@ -23,7 +23,7 @@ Values = NDArray[np.float64]
 CELL_KEYS = ["plain_label", "dataset", "profile"]
 """What names the same cell in both; the backend of the link may differ."""
 TARGET_PERCENT = 15.0
-"""Medians this near count as the same (docs/virtual.md)."""
+"""Medians this near count as the same (docs/explanation/virtual-time.md)."""
 USUAL_ALPHA = 0.05
 
 

@@ -163,7 +163,7 @@ class Experiment(BaseModel):
     engine: Literal["auto", "docker", "local", "virtual"] = "auto"
     pace: Pace = HOST_PACE
     """Of live runs: what a stage takes is this host's (`host`), or what the device's cost model
-    charges (`device`; docs/limits.md). A virtual run is always at the device's pace."""
+    charges (`device`; docs/explanation/limits.md). A virtual run is always at the device's pace."""
     runs: Runs = Field(default_factory=Runs)
     seed: int = Field(default=1, ge=0, lt=2**31)
     tolerances: Tolerances = Field(default_factory=Tolerances)

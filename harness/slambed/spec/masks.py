@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """What is segmented in a run: by which network, and for virtual runs the masks that stand for it
-(docs/masks.md)."""
+(docs/explanation/masks.md)."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace

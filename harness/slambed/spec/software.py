@@ -59,7 +59,8 @@ def host_software(root: Path | None = None, program: str = "slambed-node") -> st
     `make build` leaves a stamp beside the programs. A stamp of other sources means the programs
     are stale; programs without one (a developer's own build) are named by their own bytes.
     A virtual run's tag goes on with what the simulation was compiled for, by what and with which
-    libraries: the same sources give the same bytes where these are the same (docs/virtual.md).
+    libraries: the same sources give the same bytes where these are the same
+    (docs/explanation/virtual-time.md).
     """
     path = find_program(program)
     stamp = path.parent / STAMP

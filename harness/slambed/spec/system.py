@@ -28,7 +28,8 @@ class Parameter(BaseModel):
     type: Literal["int", "float", "bool", "str", "path", "network"]
     """`path`: of an input file, empty for none; its content is what matters to a run. `dataset`
     stands for the prior map that the dataset's file names. `network`: of catalog/networks/, empty
-    for none; the harness has it segment the pictures (docs/masks.md), and no node is given it."""
+    for none; the harness has it segment the pictures (docs/explanation/masks.md), and no node is
+    given it."""
     role: Role | None = None
     """Of a path: the only node that is given the file; both if not given."""
     default: Scalar

@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """The relay between two real network namespaces. Accuracy is asserted loosely, by medians: the
-machine that runs the tests may be busy; docs/link.md has the measured figures."""
+machine that runs the tests may be busy; docs/logbook/2026-11-21-link.md has the measured
+figures."""
 
 import contextlib
 import json

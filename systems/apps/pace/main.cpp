@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 /// slambed-pace: how fast threads really compute under their limits, and the metronome that keeps
-/// the limits exact (docs/limits.md).
+/// the limits exact (docs/explanation/limits.md).
 #include <CLI/CLI.hpp>
 #include <filesystem>
 #include <fstream>

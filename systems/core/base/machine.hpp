@@ -6,8 +6,8 @@
 namespace slambed {
 
 /// What results of a virtual run hang on besides inputs and sources, as one line of JSON
-/// (docs/virtual.md, "Same bytes"): what this program was compiled for, by what, and with which
-/// versions of others' code. It is in the run key.
+/// (docs/explanation/virtual-time.md, "Same bytes"): what this program was compiled for, by what,
+/// and with which versions of others' code. It is in the run key.
 inline std::string machine_json(const std::string& libraries) {
 #if defined(__x86_64__)
   const std::string architecture = "x86_64", floating_point = "sse2";

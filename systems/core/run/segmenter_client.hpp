@@ -18,7 +18,7 @@ struct SegmenterOptions {
   Duration time_limit = std::chrono::seconds(2);  ///< of a picture, from the question on
 };
 
-/// Masks of a process beside the edge node (docs/masks.md, "The segmenter of live runs"). Whatever
+/// Masks of a process beside the edge node (docs/explanation/masks.md, "In live runs"). Whatever
 /// it does wrong is told with the picture that has no masks then, and the next one finds a new
 /// connection. For one worker.
 class SegmenterClient final : public MaskSource {
