@@ -19,7 +19,7 @@ from slambed.spec.parameter_header import HEADER, parameter_header
 
 COMMAND = "python -m slambed.document"
 TABLES = {
-    "architecture.md": ("floors", "packages"),
+    "explanation/architecture.md": ("floors", "packages"),
     "formats.md": ("run", "sim", "relay", "lines", "samples", "summary", "own", "manifest"),
     "metrics.md": ("gate",),
 }

@@ -19,7 +19,7 @@ WORKLOAD = 1
 """Version of the work; speeds of different versions cannot be compared."""
 REFERENCE_UNITS_PER_S = 9000.0
 """Units of work per second of CPU time on a core of the reference host: an AMD EPYC of the Zen 5
-family in a virtual machine (docs/limits.md)."""
+family in a virtual machine (docs/how-to/calibrate-a-host.md)."""
 ROUNDS = 7
 ROUND_S = 1.0
 

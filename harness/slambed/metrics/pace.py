@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""How well a live run kept the pace of its devices (docs/limits.md, "At the device's pace")."""
+"""How well a live run kept the pace of its devices (docs/explanation/limits.md, "At the device's
+pace")."""
 
 from slambed.metrics.events import EventLog
 

@@ -56,7 +56,7 @@ class Board(BaseModel):
 
     cores: int = Field(ge=1, le=1024)
     core_speed: float = Field(gt=0)
-    """Speed of one core; 1 is a core of the reference host (docs/limits.md)."""
+    """Speed of one core; 1 is a core of the reference host (docs/explanation/limits.md)."""
 
 
 class StageCost(BaseModel):

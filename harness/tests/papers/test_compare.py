@@ -89,7 +89,7 @@ def table_2(lost: dict[str, list[int]], runs: int, **more: Any) -> Results:
 PAPER_CONVENTIONAL = [78, 79, 82, 92, 100]
 PAPER_ENHANCED = [0, 2, 10, 48, 73]
 DOCUMENTED = {"conventional": [1, 2, 1, 3, 2], "static": [0, 0, 0, 0, 0]}
-"""docs/virtual.md, "Beside Tables 2 and 3": runs of ten that lost track."""
+"""docs/logbook/2026-11-21-dynnetslam-tables-2-and-3.md: runs of ten that lost track."""
 
 
 @pytest.fixture(scope="module")
