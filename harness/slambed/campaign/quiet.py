@@ -11,7 +11,8 @@ import psutil
 LOOK_S = 2.0
 MOST_STEAL_PERCENT = 1.0
 MOST_BUSY_PERCENT = 10.0
-"""Above these limits stalls of tens of milliseconds are likely in every run (docs/limits.md)."""
+"""Above these limits stalls of tens of milliseconds are likely in every run
+(docs/explanation/limits.md)."""
 
 
 @dataclass(frozen=True)

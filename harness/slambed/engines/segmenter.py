@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The harness side of the segmenter of a live run: a process next to the edge node, started
-differently by each engine (docs/masks.md)."""
+differently by each engine (docs/explanation/masks.md)."""
 
 import contextlib
 import os

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Restarts the segmenter of a live run when it dies: one crash must not cost the rest of the run
-its masks (docs/masks.md)."""
+its masks (docs/explanation/masks.md)."""
 
 import time
 from collections.abc import Callable

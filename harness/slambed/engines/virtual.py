@@ -2,7 +2,7 @@
 """One virtual run: both nodes in one slambed-sim process with a discrete-event clock.
 
 It needs no privileges. Equal specs give bit-identical results, whatever the load on the host
-(docs/virtual.md).
+(docs/explanation/virtual-time.md).
 """
 
 import ctypes

@@ -1,3 +1,3 @@
 # SPDX-License-Identifier: Apache-2.0
 """The emulated network between the two nodes: profiles, backends and the link proof
-(docs/link.md)."""
+(docs/explanation/link.md)."""

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Link profiles: RTT, jitter, loss and rate as pure functions of run time.
 
-netem_profiles/*.yaml contain named profiles; docs/link.md describes every key. A value is an RTT;
-half of it is applied per direction unless `up_share` or `one_way_ms` is given.
+netem_profiles/*.yaml contain named profiles; docs/explanation/link.md describes every key. A value
+is an RTT; half of it is applied per direction unless `up_share` or `one_way_ms` is given.
 """
 
 import math

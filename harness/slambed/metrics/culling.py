@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Precision and recall of culling features on people, with masks of any age as they arrived.
-Judged by the true labels of a generated sequence, which no node reads (docs/masks.md)."""
+"""Precision and recall of culling features on people, with masks of any age as they arrived. Judged
+by the true labels of a generated sequence, which no node reads (docs/explanation/masks.md)."""
 
 from dataclasses import dataclass
 from pathlib import Path

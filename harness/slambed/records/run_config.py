@@ -30,7 +30,7 @@ class Network(Record):
 
 
 class Segmenter(Record):
-    """The segmenter that the edge sends its pictures to (docs/masks.md)."""
+    """The segmenter that the edge sends its pictures to (docs/explanation/masks.md)."""
 
     socket: str
     """Path of the segmenter's socket on the edge."""
@@ -39,7 +39,7 @@ class Segmenter(Record):
 
 
 class PacedDevice(Record):
-    """The device whose pace a node keeps (docs/limits.md, "At the device's pace")."""
+    """The device whose pace a node keeps (docs/explanation/limits.md, "At the device's pace")."""
 
     share: float
     """Share of a host CPU that equals one core of the device, and that each thread may use."""

@@ -23,7 +23,7 @@ Values = NDArray[np.float64]
 CELL_KEYS = ["plain_label", "dataset", "profile"]
 """Columns that identify a cell in both; the link's backend may differ."""
 TARGET_PERCENT = 15.0
-"""Medians within this percentage count as the same (docs/virtual.md)."""
+"""Medians within this percentage count as the same (docs/explanation/virtual-time.md)."""
 USUAL_ALPHA = 0.05
 
 

@@ -90,7 +90,8 @@ class Accelerator(BaseModel):
 
 
 class CostModel(BaseModel):
-    """The device's compute costs that the virtual engine charges (docs/virtual.md)."""
+    """The device's compute costs that the virtual engine charges
+    (docs/explanation/virtual-time.md)."""
 
     model_config = STRICT
 

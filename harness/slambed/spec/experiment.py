@@ -166,8 +166,9 @@ class Experiment(BaseModel):
     machine over the real network (docs/hosts.md)."""
     engine: Literal["auto", "docker", "local", "virtual"] = "auto"
     pace: Pace = HOST_PACE
-    """For live runs: a stage takes the time that this host needs (`host`) or that the device's
-    cost model charges (`device`; docs/limits.md). Virtual runs always use the device's pace."""
+    """For live runs: a stage takes the time that this host needs (`host`) or that the device's cost
+    model charges (`device`; docs/explanation/limits.md). Virtual runs always use the device's
+    pace."""
     runs: Runs = Field(default_factory=Runs)
     seed: int = Field(default=1, ge=0, lt=2**31)
     tolerances: Tolerances = Field(default_factory=Tolerances)

@@ -19,7 +19,7 @@ FILE = "host_speed.json"
 
 @dataclass(frozen=True)
 class HostSpeed:
-    """Speed of one core; 1 is a core of the reference host (docs/limits.md)."""
+    """Speed of one core; 1 is a core of the reference host (docs/explanation/limits.md)."""
 
     speed: float
     spread: float | None = None

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Segmentation of a run: the network and, for virtual runs, its precomputed masks
-(docs/masks.md)."""
+(docs/explanation/masks.md)."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace

@@ -60,7 +60,7 @@ def host_software(root: Path | None = None, program: str = "slambed-node") -> st
     programs are stale; programs without a stamp (a developer's own build) are identified by a hash
     of their bytes. The tag of a virtual run also names the target, the compiler and the libraries
     of the simulation: results are bit-identical only where these are the same too
-    (docs/virtual.md).
+    (docs/explanation/virtual-time.md).
     """
     path = find_program(program)
     stamp = path.parent / STAMP

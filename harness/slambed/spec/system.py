@@ -27,9 +27,9 @@ class Parameter(BaseModel):
 
     type: Literal["int", "float", "bool", "str", "path", "network"]
     """`path`: an input file, empty for none; only its content is in the run key, and `dataset`
-    selects the prior map that the dataset's file names. `network`: a network of
-    catalog/networks/, empty for none; the harness runs the segmentation (docs/masks.md), and
-    nodes do not receive this parameter."""
+    selects the prior map that the dataset's file names. `network`: a network of catalog/networks/,
+    empty for none; the harness runs the segmentation (docs/explanation/masks.md), and nodes do not
+    receive this parameter."""
     role: Role | None = None
     """For a path: the only node that receives the file; both if not given."""
     default: Scalar

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The relay between two real network namespaces. Accuracy has loose limits on medians because
-the machine may be busy; docs/link.md lists measured values."""
+the machine may be busy; docs/explanation/link.md lists measured values."""
 
 import contextlib
 import json

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""docs/architecture.md names existing files."""
+"""docs/explanation/architecture.md names existing files."""
 
 import re
 

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 /// slambed-pace: measures how fast threads compute under CPU limits, and runs the metronome that
-/// keeps these limits exact (docs/limits.md).
+/// keeps these limits exact (docs/explanation/limits.md).
 #include <CLI/CLI.hpp>
 #include <filesystem>
 #include <fstream>

@@ -6,8 +6,8 @@
 namespace slambed {
 
 /// Returns, as one line of JSON, what the results of a virtual run depend on besides inputs and
-/// sources: architecture, compiler and library versions (docs/virtual.md, "Same bytes"). It is part
-/// of the run key.
+/// sources: architecture, compiler and library versions (docs/explanation/virtual-time.md, "Same
+/// bytes"). It is part of the run key.
 inline std::string machine_json(const std::string& libraries) {
 #if defined(__x86_64__)
   const std::string architecture = "x86_64", floating_point = "sse2";

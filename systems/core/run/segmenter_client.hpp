@@ -18,9 +18,9 @@ struct SegmenterOptions {
   Duration time_limit = std::chrono::seconds(2);  ///< per image, from request to answer
 };
 
-/// Gets masks from a segmenter process on the edge host (docs/masks.md, "The segmenter of live
-/// runs"). If it fails, the image has no masks but a failure text, and the next image uses a new
-/// connection. Use one object per worker.
+/// Gets masks from a segmenter process on the edge host (docs/explanation/masks.md, "The segmenter
+/// of live runs"). If it fails, the image has no masks but a failure text, and the next image uses
+/// a new connection. Use one object per worker.
 class SegmenterClient final : public MaskSource {
  public:
   using SensorOf = std::function<std::shared_ptr<const Sensor>()>;
