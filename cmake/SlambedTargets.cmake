@@ -75,9 +75,9 @@ function(slambed_compile_together target)
   target_compile_options(${target} PRIVATE -Wno-subobject-linkage)
 endfunction()
 
-# slambed_floor(name SOURCES a.cpp ... DEPENDS slambed_base ...): the library slambed_<name>, a layer.
+# slambed_library(name SOURCES a.cpp ... DEPENDS slambed_base ...): the library slambed_<name>, a layer.
 # It may depend only on libraries defined before it, so there are no cycles.
-function(slambed_floor name)
+function(slambed_library name)
   cmake_parse_arguments(ARG "" "" "SOURCES;DEPENDS" ${ARGN})
   set(target slambed_${name})
   if(ARG_SOURCES)
@@ -114,15 +114,15 @@ function(slambed_tool name)
 endfunction()
 
 # slambed_systems_in_order(result name ...): returns the system folders with a CMakeLists.txt, each after the systems
-# in the DEPENDS of its slambed_floor.
+# in the DEPENDS of its slambed_library.
 function(slambed_systems_in_order result)
   set(waiting)
   foreach(name IN LISTS ARGN)
     if(EXISTS ${CMAKE_CURRENT_SOURCE_DIR}/${name}/CMakeLists.txt)
       list(APPEND waiting ${name})
       file(READ ${CMAKE_CURRENT_SOURCE_DIR}/${name}/CMakeLists.txt text)
-      string(REGEX MATCH "slambed_floor\\([^)]*\\)" floor "${text}")
-      string(REGEX MATCHALL "slambed_[a-z0-9_]+" used_by_${name} "${floor}")
+      string(REGEX MATCH "slambed_library\\([^)]*\\)" library "${text}")
+      string(REGEX MATCHALL "slambed_[a-z0-9_]+" used_by_${name} "${library}")
     endif()
   endforeach()
   set(ordered)
@@ -205,7 +205,7 @@ function(slambed_test_on_an_older_processor name)
     FAIL_REGULAR_EXPRESSION "Running 0 tests")
 endfunction()
 
-# Adds the test that no library's results depend on the processor. Call it after all slambed_floor() calls.
+# Adds the test that no library's results depend on the processor. Call it after all slambed_library() calls.
 function(slambed_same_bytes_test)
   if(NOT SLAMBED_TESTS)
     return()
@@ -217,7 +217,7 @@ function(slambed_same_bytes_test)
 endfunction()
 
 # Adds the target slambed_headers, which compiles every header by itself, because a missing include in a header shows
-# only where the header is included first. Call it after all slambed_floor() calls.
+# only where the header is included first. Call it after all slambed_library() calls.
 function(slambed_headers_alone)
   if(NOT SLAMBED_HEADERS)
     return()

@@ -14,12 +14,12 @@ from slambed.metrics.metric import Metric, Use
 from slambed.native import repository_root
 from slambed.schema.record_tables import RECORDS, record_table
 from slambed.spec.library import Library
-from slambed.spec.linked import floors_of, programs_of
+from slambed.spec.linked import libraries_of, programs_of
 from slambed.spec.parameter_header import HEADER, parameter_header
 
 COMMAND = "python -m slambed.document"
 TABLES = {
-    "explanation/architecture.md": ("floors", "packages"),
+    "explanation/architecture.md": ("libraries", "packages"),
     "formats.md": ("run", "sim", "relay", "lines", "samples", "summary", "own", "manifest"),
     "metrics.md": ("gate",),
 }
@@ -38,7 +38,7 @@ def table(name: str) -> str:
         "summary": _summary,
         "own": _own,
         "gate": _gate,
-        "floors": _floors,
+        "libraries": _libraries,
         "packages": _packages,
     }[name]()
 
@@ -63,36 +63,36 @@ def _own() -> str:
     return _lines(["key", "system", "type", "unit", "meaning"], rows)
 
 
-def _floors() -> str:
+def _libraries() -> str:
     """Draws the C++ folders in their groups, with arrows to direct dependencies that no other path
     implies."""
     root = repository_root() / "systems"
-    floors, programs = floors_of(repository_root()), programs_of(repository_root())
+    libraries, programs = libraries_of(repository_root()), programs_of(repository_root())
     used: dict[Path, set[Path]] = {}
     labels: dict[Path, str] = {}
-    for name, target in (*floors.items(), *programs.items()):
-        found = {floors[item].folder for item in target.depends}
+    for name, target in (*libraries.items(), *programs.items()):
+        found = {libraries[item].folder for item in target.depends}
         used[target.folder] = used.get(target.folder, set()) | (found - {target.folder})
         parts = target.folder.relative_to(root).parts
         path = "/".join(parts[1:] if parts[0] in UNNAMED else parts)
         labels[target.folder] = name if name in programs else path
-    rooms: dict[str, list[Path]] = {"apps": [], "systems": [], "synth": [], "core": []}
+    groups: dict[str, list[Path]] = {"apps": [], "systems": [], "synth": [], "core": []}
     for folder in used:
         first = folder.relative_to(root).parts[0]
-        rooms[first if first in rooms else "systems"].append(folder)
+        groups[first if first in groups else "systems"].append(folder)
     ids = {
         folder: "_".join(part for part in folder.relative_to(root).parts if part != "core")
         for folder in used
     }
     lines = ["```mermaid", "flowchart TD"]
-    for room, folders in rooms.items():
-        name = "*" if room == "systems" else room
+    for group, folders in groups.items():
+        name = "*" if group == "systems" else group
         nodes = [
             f"    {ids[f]}" + (f"[{labels[f]}]" if labels[f] != ids[f] else "") for f in folders
         ]
-        lines += [f"  subgraph {room}_room[systems/{name}]", *nodes, "  end"]
+        lines += [f"  subgraph {group}_group[systems/{name}]", *nodes, "  end"]
     lines += _arrows({ids[a]: {ids[b] for b in found} for a, found in used.items()})
-    lines += [f"  {ids[floors[EVERY_SYSTEM].folder]} --> systems_room", "```", ""]
+    lines += [f"  {ids[libraries[EVERY_SYSTEM].folder]} --> systems_group", "```", ""]
     return "\n".join(lines)
 
 

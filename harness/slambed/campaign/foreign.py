@@ -10,7 +10,7 @@ from slambed.spec.library import Library
 from slambed.spec.runtime import Runtime, foreign_digest
 from slambed.spec.software import software_of_systems
 
-PLAYER_FLOOR = "play"
+PLAYER_LIBRARY = "play"
 """The C++ layer that slambed-play is built from."""
 
 
@@ -44,5 +44,5 @@ def foreign_software(
 
     `images`: role -> image id, for containers.
     """
-    player = software_of_systems(software, [PLAYER_FLOOR], root).get(PLAYER_FLOOR, software)
+    player = software_of_systems(software, [PLAYER_LIBRARY], root).get(PLAYER_LIBRARY, software)
     return f"{player}.{foreign_digest(runtime, folder, images)}"

@@ -17,9 +17,9 @@ class Target(NamedTuple):
     depends: list[str]
 
 
-FLOOR = re.compile(r"slambed_floor\(\s*(\w+)([^)]*)\)")
+LIBRARY = re.compile(r"slambed_library\(\s*(\w+)([^)]*)\)")
 PROGRAM = re.compile(r"slambed_(?:program|tool)\(\s*([\w-]+)([^)]*)\)")
-LIBRARY = re.compile(r"\bslambed_(\w+)")
+DEPENDENCY = re.compile(r"\bslambed_(\w+)")
 ALWAYS = ("CMakeLists.txt", "cmake", "systems/CMakeLists.txt", "systems/core/CMakeLists.txt")
 """These files affect every build."""
 ALWAYS_LIVE = (*ALWAYS, "docker")
@@ -48,14 +48,14 @@ def linked_hash(system: str, root: Path | None = None, *, virtual: bool = False)
     run of this system, without comments and blank lines. None for a system without sources in
     this checkout."""
     base = root or repository_root()
-    floors = floors_of(base)
-    if system not in floors:
+    libraries = libraries_of(base)
+    if system not in libraries:
         return None
     programs = _programs_of_runs(system, programs_of(base), virtual)
-    wanted = below([system, *(name for item in programs for name in item.depends)], floors)
-    folders = {floors[name].folder for name in wanted} | {item.folder for item in programs}
+    wanted = below([system, *(name for item in programs for name in item.depends)], libraries)
+    folders = {libraries[name].folder for name in wanted} | {item.folder for item in programs}
     starts = [base / name for name in (ALWAYS if virtual else ALWAYS_LIVE)] + sorted(folders)
-    others = {item.folder for item in floors.values()} - folders
+    others = {item.folder for item in libraries.values()} - folders
     digest = hashlib.sha256()
     for path in sorted({file for start in starts for file in _files(start, base)}):
         if not others.intersection(path.parents):
@@ -71,9 +71,9 @@ def _programs_of_runs(system: str, programs: dict[str, Target], virtual: bool) -
     return [programs[own if name == NODE and own in programs else name] for name in LIVE_PROGRAMS]
 
 
-def floors_of(base: Path) -> dict[str, Target]:
+def libraries_of(base: Path) -> dict[str, Target]:
     """Returns name -> target of each library that CMake builds."""
-    return _targets(base, FLOOR)
+    return _targets(base, LIBRARY)
 
 
 def programs_of(base: Path) -> dict[str, Target]:
@@ -86,19 +86,19 @@ def _targets(base: Path, call: re.Pattern[str]) -> dict[str, Target]:
     for path in sorted((base / "systems").rglob("CMakeLists.txt")):
         for name, arguments in call.findall(path.read_text(encoding="utf-8")):
             named = arguments.partition("DEPENDS")[2]
-            found[name] = Target(path.parent, LIBRARY.findall(named))
+            found[name] = Target(path.parent, DEPENDENCY.findall(named))
     return found
 
 
-def below(names: Iterable[str], floors: dict[str, Target]) -> set[str]:
+def below(names: Iterable[str], libraries: dict[str, Target]) -> set[str]:
     """Returns these layers and all their transitive dependencies."""
     found: set[str] = set()
     waiting = list(names)
     while waiting:
         name = waiting.pop()
-        if name in floors and name not in found:
+        if name in libraries and name not in found:
             found.add(name)
-            waiting += floors[name].depends
+            waiting += libraries[name].depends
     return found
 
 

@@ -151,7 +151,7 @@ def test_a_system_that_builds_on_another_one_has_its_code_in_its_key(sources: Pa
     folder = sources / "systems" / "mine"
     folder.mkdir()
     (folder / "CMakeLists.txt").write_text(
-        "slambed_floor(mine SOURCES mine.cpp DEPENDS slambed_edgeslam)\n"
+        "slambed_library(mine SOURCES mine.cpp DEPENDS slambed_edgeslam)\n"
     )
     before = linked_hash("mine", sources)
     try:
@@ -169,37 +169,37 @@ def test_a_system_that_builds_on_another_one_has_its_code_in_its_key(sources: Pa
         shutil.rmtree(folder)
 
 
-def test_a_folder_inside_a_floor_counts_as_the_floor_does(sources: Path, keys: Keys) -> None:
-    room = sources / "systems" / "core" / "map" / "a_room"
-    room.mkdir()
+def test_a_folder_inside_a_library_counts_as_the_library_does(sources: Path, keys: Keys) -> None:
+    part = sources / "systems" / "core" / "map" / "a_part"
+    part.mkdir()
     try:
-        (room / "new.hpp").write_text("#pragma once\n")
+        (part / "new.hpp").write_text("#pragma once\n")
         after = keys_of(sources)
     finally:
-        shutil.rmtree(room)
+        shutil.rmtree(part)
     assert {name for name, virtual in keys if after[name, virtual] != keys[name, virtual]} == (
         ALL | {PLAYER}
     )
 
 
-def test_a_room_with_a_library_of_its_own_counts_where_that_is_linked(
+def test_a_folder_with_a_library_of_its_own_counts_where_that_is_linked(
     sources: Path, keys: Keys
 ) -> None:
-    room = sources / "systems" / "core" / "map" / "a_room"
-    room.mkdir()
+    part = sources / "systems" / "core" / "map" / "a_part"
+    part.mkdir()
     user = sources / "systems" / "orbslam2" / "CMakeLists.txt"
     before = user.read_text()
     try:
-        (room / "CMakeLists.txt").write_text("slambed_floor(a_room SOURCES a.cpp)\n")
-        (room / "a.cpp").write_text("int a = 1;\n")
+        (part / "CMakeLists.txt").write_text("slambed_library(a_part SOURCES a.cpp)\n")
+        (part / "a.cpp").write_text("int a = 1;\n")
         assert keys_of(sources) == keys
-        user.write_text(before.replace("DEPENDS ", "DEPENDS slambed_a_room "))
+        user.write_text(before.replace("DEPENDS ", "DEPENDS slambed_a_part "))
         linking = keys_of(sources)
-        (room / "a.cpp").write_text("int a = 2;\n")
+        (part / "a.cpp").write_text("int a = 2;\n")
         after = keys_of(sources)
     finally:
         user.write_text(before)
-        shutil.rmtree(room)
+        shutil.rmtree(part)
     assert {name for name, virtual in keys if after[name, virtual] != linking[name, virtual]} == {
         ORBSLAM2
     }
@@ -235,4 +235,4 @@ def test_programs_of_unknown_sources_have_one_name() -> None:
 
 def test_every_system_of_ours_is_in_the_table() -> None:
     systems = {file.parent.name for file in (repository_root() / "systems").glob("*/system.yaml")}
-    assert systems & set(linked.floors_of(repository_root())) == ALL
+    assert systems & set(linked.libraries_of(repository_root())) == ALL

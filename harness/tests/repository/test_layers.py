@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from slambed.native import repository_root
-from slambed.spec.linked import below, floors_of, programs_of
+from slambed.spec.linked import below, libraries_of, programs_of
 
 INCLUDE = re.compile(r'#include "([^"]+)/[^"/]+"')
 NOT_LINKED = {"tests", "bench", "fuzz"}
@@ -25,16 +25,16 @@ def included_as(folder: Path, root: Path) -> str:
 
 def wrong_includes(root: Path) -> list[str]:
     """Returns files that include from a folder that their layer or program does not depend on."""
-    floors = floors_of(root)
+    libraries = libraries_of(root)
     stands_on: dict[Path, set[str]] = defaultdict(set)
-    for name, floor in floors.items():
-        stands_on[floor.folder].add(name)
+    for name, library in libraries.items():
+        stands_on[library.folder].add(name)
     for program in programs_of(root).values():
         stands_on[program.folder].update(program.depends)
     names = {included_as(folder, root): folder for folder in stands_on}
     found = []
-    for folder, libraries in sorted(stands_on.items()):
-        allowed = {floors[item].folder for item in below(libraries, floors)} | {folder}
+    for folder, used in sorted(stands_on.items()):
+        allowed = {libraries[item].folder for item in below(used, libraries)} | {folder}
         for path in sorted(folder.rglob("*")):
             inside = path.relative_to(folder).parts
             if path.suffix not in {".cpp", ".hpp", ".h"} or NOT_LINKED.intersection(inside):
@@ -97,7 +97,7 @@ def test_a_system_includes_another_one_where_cmake_says_that_it_builds_on_it(
     folder = with_cmake_files_only(tmp_path) / "systems" / "mine"
     folder.mkdir()
     (folder / "mine.cpp").write_text('#include "edgeslam/edgeslam.hpp"\n', encoding="utf-8")
-    text = "slambed_floor(mine SOURCES mine.cpp DEPENDS slambed_offload)\n"
+    text = "slambed_library(mine SOURCES mine.cpp DEPENDS slambed_offload)\n"
     (folder / "CMakeLists.txt").write_text(text, encoding="utf-8")
     assert wrong_includes(tmp_path) == ["systems/mine/mine.cpp: edgeslam"]
     text = text.replace("offload", "edgeslam")
