@@ -21,7 +21,7 @@ COMMAND = "python -m slambed.document"
 TABLES = {
     "architecture.md": ("floors", "packages"),
     "formats.md": ("run", "sim", "relay", "lines", "samples", "summary", "own", "manifest"),
-    "metrics.md": ("gate",),
+    "reference/metrics.md": ("gate",),
 }
 """Page of docs/ and the tables in it."""
 UNNAMED = ("apps", "core")

@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """How often intervals hold the truth and tests cry wolf, by seeded simulation, beside the methods
-that were used before. Called as a program it prints the table of docs/metrics.md."""
+that were used before. Called as a program it prints the table of
+docs/logbook/2026-11-22-statistics-simulated.md."""
 
 from collections.abc import Callable
 

@@ -78,7 +78,8 @@ class Targets(BaseModel):
     components: list[Component] = Field(min_length=1)
     fits: list[str] = Field(default_factory=list)
     """Ids of the published cells (`*` allowed) that the devices are fitted to, sums of fitted ones
-    among them: where our runs agree with these, that is no evidence (docs/results.md)."""
+    among them: where our runs agree with these, that is no evidence
+    (docs/explanation/verdicts.md)."""
     runs: int = Field(default=2, ge=1)
     rounds: int = Field(default=6, ge=1)
     damping: float = Field(default=0.0, ge=0, lt=1)

@@ -152,7 +152,7 @@ def list_(as_json: JsonOption = False) -> None:
 
 @app.command()
 def rates() -> None:
-    """Show how often the rules of verdicts err, as in docs/metrics.md."""
+    """Show how often the rules of verdicts err: tables of Markdown."""
     from slambed.papers.verdicts.rates import rates_markdown
 
     typer.echo(rates_markdown())

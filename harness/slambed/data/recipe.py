@@ -174,7 +174,8 @@ class Dataset(_Strict):
     window_of: str | None = None
     """Of this dataset `playback` plays a part: no copy is made."""
     prior_map: str | None = None
-    """Prepared input that a parameter with the value `dataset` stands for (docs/inputs.md)."""
+    """Prepared input that a parameter with the value `dataset` stands for
+    (docs/reference/input.md)."""
     reference: str | None = None
     """Prepared input whose path runs on this dataset are compared with."""
 

@@ -1,2 +1,3 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a run was worth: pure functions from recorded files to numbers (docs/metrics.md)."""
+"""What a run was worth: pure functions from recorded files to numbers:
+docs/reference/metrics.md."""

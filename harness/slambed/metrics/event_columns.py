@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Rows of events, samples and link series as columns of a fixed schema (docs/results.md)."""
+"""Rows of events, samples and link series as columns of a fixed schema:
+docs/reference/parquet.md."""
 
 import json
 from collections.abc import Iterable, Sequence

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The Parquet files of a result (docs/results.md lists every column)."""
+"""The Parquet files of a result (docs/reference/parquet.md lists every column)."""
 
 from dataclasses import dataclass, field
 from pathlib import Path

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A published number judged: provenance first, then its rule (docs/results.md)."""
+"""A published number judged: provenance first, then its rule (docs/explanation/verdicts.md)."""
 
 from dataclasses import dataclass, field, replace
 from functools import cached_property

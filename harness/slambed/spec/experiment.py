@@ -159,7 +159,7 @@ class Experiment(BaseModel):
     devices: DeviceChoice = Field(default_factory=DeviceChoice)
     roles: Roles | None = None
     """Nodes on another machine: a mobile node on a real board, over the real network to the edge
-    here (docs/hosts.md)."""
+    here (docs/how-to/use-a-real-board.md)."""
     engine: Literal["auto", "docker", "local", "virtual"] = "auto"
     pace: Pace = HOST_PACE
     """Of live runs: what a stage takes is this host's (`host`), or what the device's cost model

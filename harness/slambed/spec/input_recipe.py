@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""catalog/inputs/*.yaml: files that runs need and that other runs make (docs/inputs.md)."""
+"""catalog/inputs/*.yaml: files that runs need and that other runs make:
+docs/reference/input.md."""
 
 from typing import Literal
 

@@ -11,7 +11,8 @@ from slambed.errors import SlambedError
 from slambed.native import repository_root
 
 FROM_DATASET = "dataset"
-"""Value of a path parameter: the prior map that the dataset's file names (docs/inputs.md)."""
+"""Value of a path parameter: the prior map that the dataset's file names:
+docs/reference/input.md."""
 FOLDER = "inputs"
 """In a run's output folder, where every engine's nodes can read."""
 

@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""How often the rules err: the table of docs/metrics.md, made by `slambed papers rates`.
+"""How often the rules err, made by `slambed papers rates`:
+docs/logbook/2026-11-22-error-rates-of-verdicts.md.
 
 Rates of shares are exact sums over both binomials, the others are simulated with a fixed seed.
 """
@@ -234,7 +235,7 @@ def rates() -> list[Rate]:
 
 
 def rates_markdown() -> str:
-    """The tables as they stand in docs/metrics.md."""
+    """The tables as they stand in docs/logbook/2026-11-22-error-rates-of-verdicts.md."""
     lines = [
         "| share in the paper (of 100), margin | runs of ours | off by the margin: reproduced (at "
         "most 0.06) | equal: reproduced | equal: differs (at most 0.06) |",
