@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """slambed: a reproducible testbed for edge-offloaded visual SLAM.
 
-`Results` and `run` are for notebooks and scripts (docs/results.md).
+`Results` and `run` are for notebooks and scripts (docs/how-to/use-a-notebook.md).
 """
 
 from importlib import import_module

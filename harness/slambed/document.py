@@ -21,7 +21,7 @@ COMMAND = "python -m slambed.document"
 TABLES = {
     "explanation/architecture.md": ("libraries", "packages"),
     "formats.md": ("run", "sim", "relay", "lines", "samples", "summary", "own", "manifest"),
-    "metrics.md": ("gate",),
+    "reference/metrics.md": ("gate",),
 }
 """Maps a page of docs/ to its tables."""
 UNNAMED = ("apps", "core")

@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""`roles:` of an experiment: a mobile node that runs on a real board (docs/hosts.md)."""
+"""`roles:` of an experiment: a mobile node that runs on a real board:
+docs/how-to/use-a-real-board.md."""
 
 from ipaddress import AddressValueError, IPv4Address
 from typing import Annotated, Any, Literal

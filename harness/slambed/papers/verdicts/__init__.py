@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The rules by which a published number or ordering is judged (docs/results.md).
+"""The rules by which a published number or ordering is judged (docs/explanation/verdicts.md).
 
 Pure functions of numbers; their error rates are simulated (docs/metrics.md, "Error rates").
 """
