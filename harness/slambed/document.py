@@ -1,17 +1,25 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Writes what docs/ say that follows from the list of metrics, from records, from CMake and from
-the imports, and what the C++ of each system takes from its system.yaml.
+"""Writes what docs/ say that follows from the commands, from schemas and records, from the list of
+metrics, from CMake and from the imports, and what the C++ of each system takes from its
+system.yaml.
 
     python -m slambed.document
 
 In docs/ each stands between two comments; a test fails when something is not what its source says.
 """
 
+import re
 from pathlib import Path
+from typing import Any
 
+from slambed.commands.described import verbs
+from slambed.files.yaml_source import load_yaml
 from slambed.metrics.catalog import METRICS
 from slambed.metrics.metric import Metric, Use
 from slambed.native import repository_root
+from slambed.schema.field_table import in_a_row
+from slambed.schema.key_tables import curve_table, key_tables
+from slambed.schema.markdown import markdown_table, prose
 from slambed.schema.record_tables import RECORDS, record_table
 from slambed.spec.library import Library
 from slambed.spec.linked import floors_of, programs_of
@@ -20,21 +28,57 @@ from slambed.spec.parameter_header import HEADER, parameter_header
 COMMAND = "python -m slambed.document"
 TABLES = {
     "architecture.md": ("floors", "packages"),
-    "formats.md": ("run", "sim", "relay", "lines", "samples", "summary", "own", "manifest"),
     "metrics.md": ("gate",),
+    "reference/command-line.md": ("verbs",),
+    "reference/dataset.md": ("keys dataset", "datasets"),
+    "reference/device.md": ("keys device", "keys device-fit", "devices"),
+    "reference/experiment.md": ("keys experiment",),
+    "reference/hosts.md": ("keys hosts",),
+    "reference/input.md": ("keys input", "inputs"),
+    "reference/make.md": ("make",),
+    "reference/manifest.md": ("manifest",),
+    "reference/messages.md": ("lines",),
+    "reference/network.md": ("keys network", "networks"),
+    "reference/paper.md": ("keys paper", "keys plan", "keys inference"),
+    "reference/profile.md": ("keys profile", "curves", "profiles"),
+    "reference/run-folder.md": ("run", "sim", "relay"),
+    "reference/samples.md": ("samples",),
+    "reference/summary.md": ("summary", "own"),
+    "reference/system.md": ("keys system",),
 }
 """Page of docs/ and the tables in it."""
 UNNAMED = ("apps", "core")
 """Folders of systems/ whose name is the room's, not that of what lies in it."""
 EVERY_SYSTEM = "registry"
 """The floor whose dependencies CMake finds: it links all systems."""
+KEYS = "keys "
+"""Begins the name of the tables of a kind of YAML file."""
+CATALOGS = {
+    "datasets": ("catalog/datasets", "id", ("title",)),
+    "devices": ("catalog/devices", "name", ("title", "hardware")),
+    "inputs": ("catalog/inputs", "id", ("yields", "dataset", "title")),
+    "networks": ("catalog/networks", "id", ("license", "title")),
+    "profiles": ("netem_profiles", "name", ("description", "source")),
+}
+"""Table of what a folder has -> the folder, the key that names a file, and what is shown of it."""
+ORIGINS = {"first_of": "first of", "window_of": "part of", "reader": "", "synthetic": "generated"}
+"""Key of a dataset that says where it comes from -> words before its value."""
+TARGET = re.compile(r"^([a-z-]+):.*?## (.*)$", re.MULTILINE)
+"""A target of the Makefile, as `make help` finds it."""
 
 
 def table(name: str) -> str:
     """One table as Markdown."""
     if name == "lines" or name in RECORDS:
-        return _lines(*record_table(name))
+        return markdown_table(*record_table(name))
+    if name in CATALOGS:
+        return _catalog(*CATALOGS[name])
+    if name.startswith(KEYS):
+        return key_tables(name.removeprefix(KEYS))
     return {
+        "verbs": verbs,
+        "make": _make,
+        "curves": curve_table,
         "summary": _summary,
         "own": _own,
         "gate": _gate,
@@ -43,14 +87,36 @@ def table(name: str) -> str:
     }[name]()
 
 
-def _lines(headings: list[str], rows: list[list[str]]) -> str:
-    rule = ["---"] * len(headings)
-    return "".join(f"| {' | '.join(row)} |\n" for row in (headings, rule, *rows))
+def _catalog(folder: str, name: str, shown: tuple[str, ...]) -> str:
+    files = sorted((repository_root() / folder).glob("*.yaml"))
+    rows = []
+    for content in (load_yaml(path).data for path in files):
+        cells = [prose(in_a_row(str(content.get(key, "")))) for key in shown]
+        rows.append([f"`{content[name]}`", *_origin(content), *cells])
+    origin = ["sensor", "comes from"] if folder.endswith("datasets") else []
+    return markdown_table([name, *origin, *shown], rows)
+
+
+def _origin(content: dict[str, Any]) -> list[str]:
+    """Of a dataset; nothing of anything else."""
+    for key, words in ORIGINS.items():
+        if value := content.get(key):
+            names = value if isinstance(value, list) else [value]
+            found = ", ".join(f"`{item}`" for item in names)
+            sensor = content.get("sensor", "" if words.endswith("of") else "rgbd")
+            return [sensor, words if key == "synthetic" else f"{words} {found}".strip()]
+    return []
+
+
+def _make() -> str:
+    makefile = (repository_root() / "Makefile").read_text(encoding="utf-8")
+    rows = [[f"`make {name}`", text] for name, text in TARGET.findall(makefile)]
+    return markdown_table(["target", "what it does"], rows)
 
 
 def _summary() -> str:
     rows = [[f"`{item.key}`", item.stored_type, item.unit, item.doc] for item in METRICS]
-    return _lines(["key", "type", "unit", "meaning"], rows)
+    return markdown_table(["key", "type", "unit", "meaning"], rows)
 
 
 def _own() -> str:
@@ -60,7 +126,7 @@ def _own() -> str:
         for name in library.systems()
         for key, item in library.system(name).metrics.items()
     ]
-    return _lines(["key", "system", "type", "unit", "meaning"], rows)
+    return markdown_table(["key", "system", "type", "unit", "meaning"], rows)
 
 
 def _floors() -> str:
@@ -136,7 +202,7 @@ def _gate() -> str:
         for item in METRICS
         if Use.GATED in item.use
     ]
-    return _lines(["metric", "shown as", "", "a smaller change is no alarm"], rows)
+    return markdown_table(["metric", "shown as", "", "a smaller change is no alarm"], rows)
 
 
 def _least(item: Metric) -> str:

@@ -90,7 +90,7 @@ def remove(item: Item) -> None:
 
 @app.command()
 def size(as_json: JsonOption = False) -> None:
-    """Say what each kind takes, and since when nobody has used it."""
+    """Show the size of each kind, and when it was last used."""
     cache = cache_folder()
     found = list(items(cache))
     if as_json:

@@ -16,7 +16,7 @@ from slambed.terminal import JsonOption, console, print_json
 
 
 def doctor(as_json: JsonOption = False) -> None:
-    """Say what this machine can do, and what each missing thing costs."""
+    """Show what this machine can do, and what each missing part costs."""
     from slambed.commands import doctor as examination
 
     findings = examination.examine()

@@ -33,7 +33,7 @@ def measure(
     log: Annotated[Path | None, typer.Option(help="Link log to write: .csv or .parquet.")] = None,
     output: Annotated[Path | None, typer.Option(help="PNG to write.")] = None,
 ) -> None:
-    """Prove the link on this machine: two namespaces, a profile, asked against measured."""
+    """Prove the link on this machine: two namespaces, a profile, requested against measured."""
     from slambed.link.bench import measure_link
     from slambed.link.plots import plot_links
 
@@ -103,7 +103,7 @@ def statistics(
     seconds: Annotated[float, typer.Option(min=1.0, help="Per impairment.")] = 30.0,
     seed: Annotated[int, typer.Option(help="Of losses and jitter.")] = 1,
 ) -> None:
-    """Are loss and jitter of real packets those asked for? Each within 3 standard errors."""
+    """Compare loss and jitter of real packets with the profile, each within 3 standard errors."""
     from slambed.link import statistics as measurements
 
     headings = ["impairment", "packets", "held up", "", "asked", "found", "standard errors"]
@@ -170,7 +170,7 @@ def _keep(table: pd.DataFrame, output: Path | None) -> None:
 def compare(
     logs: Annotated[list[Path], typer.Argument(help="Link logs: CSV of `link bench` or Parquet.")],
     output: Annotated[
-        Path | None, typer.Option(help="PNG to write; default: in the cache, and said.")
+        Path | None, typer.Option(help="PNG to write; default: in the cache, its path is printed.")
     ] = None,
 ) -> None:
     """Plot link logs side by side: asked, applied, measured, and the error."""

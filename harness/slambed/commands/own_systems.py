@@ -14,7 +14,7 @@ from slambed.terminal import console
 def check_system(
     system: Annotated[str, typer.Argument(help="Name of a system, or path of its system.yaml.")],
 ) -> None:
-    """Play twenty frames to a system of your own and say what of the contract holds."""
+    """Play twenty frames to a system of your own and check the contract, line by line."""
     from slambed.campaign.check_system import check_system as checked
     from slambed.spec import library
 
@@ -28,7 +28,7 @@ def check_system(
 
 def new(
     kind: Annotated[str, typer.Argument(help="system, dataset or experiment.")],
-    name: Annotated[str, typer.Argument(help="What it shall be called.")],
+    name: Annotated[str, typer.Argument(help="Name of the new folder or file.")],
     folder: Annotated[Path, typer.Option(help="Where to write it.")] = Path(),
 ) -> None:
     """Write a skeleton that works, to be changed: a system, a dataset or an experiment."""

@@ -15,7 +15,7 @@ app = typer.Typer(help="What is kept of runs, and what it takes.", no_args_is_he
 
 @app.command()
 def size(results: ResultsOption = RESULTS, as_json: JsonOption = False) -> None:
-    """Say what the runs of each experiment take, and those that no plan names."""
+    """Show the size of the runs of each experiment, and of runs that no plan names."""
     from slambed.campaign.size import plans, size_of, unnamed
     from slambed.campaign.store import RunStore
 

@@ -24,7 +24,7 @@ def status(
     results: ResultsOption = RESULTS,
     as_json: JsonOption = False,
 ) -> None:
-    """Say which runs are there, which are missing, and why."""
+    """Show which runs are there, which are missing, and why."""
     from slambed.campaign.status import is_of, status_now, status_of, was_run
     from slambed.spec.library import Library
     from slambed.spec.software import host_software, image_software

@@ -41,7 +41,9 @@ class Change(BaseModel):
     model_config = STRICT
 
     variant: str | None = None
+    """Variant of the system; null keeps it."""
     params: dict[str, Scalar] = Field(default_factory=dict)
+    """Parameter -> value, instead of the experiment's."""
 
 
 class OpenItem(BaseModel):
@@ -57,6 +59,7 @@ class OpenItem(BaseModel):
     range: list[float | int] | None = Field(default=None, min_length=2, max_length=2)
     """Lowest and highest; whole numbers where both are."""
     values: list[Scalar] | None = None
+    """Values to choose from."""
     cases: dict[str, dict[str, Change]] | None = None
     """Name -> what the paper's systems (patterns) are then."""
     systems: list[str] | None = Field(default=None, min_length=1)
@@ -120,13 +123,17 @@ class Criterion(BaseModel):
     model_config = STRICT
 
     says: str
+    """The criterion in one sentence."""
     kind: Literal["fitted_inside", "held_out_inside", "mean_error", "rank", "rises"]
     """Share of cells inside their 95 % predictive intervals; mean error in points; Spearman's rank
     correlation of ours with the paper's over `cells`; every cell of `cells` above the one before in
     the runs of the best point (one-sided, p < 0.05 each)."""
     at_least: float | None = None
+    """Smallest value that passes; not for `mean_error` and `rises`."""
     at_most: float | None = None
+    """Largest value that passes; of `mean_error` only."""
     cells: Cells = Field(default_factory=list)
+    """Cells in order, for `rank` and `rises`."""
 
     @model_validator(mode="after")
     def _is_whole(self) -> "Criterion":
@@ -148,7 +155,9 @@ class Inference(BaseModel):
     model_config = STRICT
 
     id: str = Field(pattern=NAME)
+    """Name of the plan, as of its file."""
     title: str
+    """Heading of its page."""
     paper: str
     """Name in papers/, or a file beside the plan that ends in .yaml."""
     experiments: list[str] = Field(min_length=1)
@@ -159,15 +168,21 @@ class Inference(BaseModel):
     instead: dict[str, Change] = Field(default_factory=dict)
     """The paper's systems (patterns) -> what they are instead at every point."""
     open: dict[str, OpenItem]
+    """Name -> what the paper leaves open."""
     fit: Cells = Field(min_length=1)
+    """Cells of the paper that the open values are fitted to."""
     held_out: Cells = Field(min_length=1)
+    """Cells of the paper that are predicted."""
     within_log: float = Field(default=2.0, gt=0)
     """Points whose log-likelihood is so near to the best one's are kept, and predict."""
     seed: int = Field(ge=0, lt=2**31)
     """Of the spread of points and of the runs."""
     full: Form
+    """How much is run."""
     quick: Form
+    """How much is run with `--quick`."""
     success: list[Criterion] = Field(min_length=1)
+    """What has to hold for the inference to succeed."""
     limits: list[str] = Field(default_factory=list)
     """What it cannot show, and why."""
 

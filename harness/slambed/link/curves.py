@@ -105,10 +105,15 @@ class Ramp(BaseModel):
     kind: ClassVar[str] = "ramp"
 
     from_ms: float = 0.0
+    """Value before and after."""
     to_ms: float
+    """Value of the plateau."""
     start_s: float = Field(default=0.0, ge=0)
+    """When the rise begins."""
     rise_s: float = Field(gt=0)
+    """Length of the rise."""
     hold_s: float = Field(default=0.0, ge=0)
+    """Length of the plateau."""
     fall_s: float = Field(default=0.0, ge=0)
     """0: stays at `to_ms`."""
 
@@ -135,9 +140,13 @@ class Sine(BaseModel):
     kind: ClassVar[str] = "sine"
 
     mean_ms: float = 0.0
+    """Mean of the wave."""
     amplitude_ms: float
+    """Amplitude of the wave."""
     period_s: float = Field(gt=0)
+    """Period of the wave."""
     phase_deg: float = 0.0
+    """Phase at run time 0."""
 
     def at(self, t: Times) -> Times:
         """Milliseconds at `t`."""
@@ -177,6 +186,7 @@ class _Wrapped(BaseModel):
     )
 
     of: Any
+    """The curve that is changed."""
 
 
 class Clamp(_Wrapped):
@@ -185,7 +195,9 @@ class Clamp(_Wrapped):
     kind: ClassVar[str] = "clamp"
 
     min_ms: float = 0.0
+    """Lowest value."""
     max_ms: float | None = None
+    """Highest value; null: no bound."""
 
     @model_validator(mode="after")
     def _ordered(self) -> "Clamp":
@@ -210,6 +222,7 @@ class Scale(_Wrapped):
     kind: ClassVar[str] = "scale"
 
     factor: float = Field(ge=0)
+    """What every value is multiplied by."""
 
     def at(self, t: Times) -> Times:
         """Milliseconds at `t`."""
@@ -228,6 +241,7 @@ class Delayed(_Wrapped):
     kind: ClassVar[str] = "delayed"
 
     by_s: float = Field(ge=0)
+    """Seconds by which it begins later."""
 
     def at(self, t: Times) -> Times:
         """Milliseconds at `t`."""
@@ -246,6 +260,7 @@ class Repeat(_Wrapped):
     kind: ClassVar[str] = "repeat"
 
     period_s: float = Field(gt=0)
+    """Length of the part that repeats."""
 
     def at(self, t: Times) -> Times:
         """Milliseconds at `t`."""

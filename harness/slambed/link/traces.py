@@ -31,23 +31,28 @@ class TraceFile(BaseModel):
     file: str
     """Path: absolute, beside the profile, in netem_profiles/, or in a data folder."""
     sha256: str | None = None
+    """Digest of the file; another content is an error."""
     format: Literal["columns", "ping"] = "columns"
     """`columns`: a header line, then comma or white-space separated numbers; `ping`: its output."""
     time: str = "time_s"
     """Name of the time column."""
     time_unit: Literal["s", "ms", "us", "ns"] = "s"
+    """Unit of the time column."""
     rtt: str = "rtt_ms"
     """Name of the RTT column."""
     rtt_unit: Literal["s", "ms", "us", "ns"] = "ms"
+    """Unit of the RTT column."""
     ping_interval_s: float = Field(default=1.0, gt=0)
     """Between two requests; of a log with `-D` the stamps count instead."""
     start_s: float = Field(default=0.0, ge=0)
     """First second of the recording to use; it becomes run time 0."""
     length_s: float | None = Field(default=None, gt=0)
+    """How much of the recording is used; null: all."""
     max_gap_s: float | None = Field(default=None, gt=0)
     """A longer silence in the recording is an error: it would be invented by interpolation. Without
     it 1 s, of a ping log two intervals, so that one reply may be lost."""
     hold: bool = False
+    """True: each value holds until the next one; false: straight lines between."""
 
 
 def find_trace(name: str, near: Path | None) -> Path:

@@ -53,6 +53,7 @@ class Board(BaseModel):
     model_config = STRICT
 
     cores: int = Field(ge=1, le=1024)
+    """Cores of the board."""
     core_speed: float = Field(gt=0)
     """Speed of one core; 1 is a core of the reference host (docs/limits.md)."""
 
@@ -63,8 +64,11 @@ class StageCost(BaseModel):
     model_config = STRICT
 
     a_us: float = Field(default=0.0, ge=0)
+    """Fixed part, in microseconds."""
     b_us: float = Field(default=0.0, ge=0)
+    """Microseconds for each unit of n1."""
     c_us: float = Field(default=0.0, ge=0)
+    """Microseconds for each unit of n2."""
     jitter: float = Field(default=0.0, ge=0, le=3)
     """Standard deviation of the factor's logarithm; its median is 1."""
     accelerator: str | None = None
@@ -93,12 +97,15 @@ class CostModel(BaseModel):
     model_config = STRICT
 
     cores: int = Field(ge=1, le=1024)
+    """Cores that stages share."""
     speed: float = Field(default=1.0, gt=0)
     """Every cost is divided by it: 2 is a device twice as fast."""
     background: float = Field(default=0.0, ge=0, le=1024)
     """Cores that are busy with what is no part of the system: drivers, a player, a viewer."""
     stages: Annotated[dict[str, StageCost], in_keys(STAGES)]
+    """Stage -> what one execution costs."""
     accelerators: dict[str, Accelerator] = Field(default_factory=dict)
+    """Name -> what computes beside the cores."""
 
     @model_validator(mode="after")
     def _accelerators_are_there(self) -> "CostModel":
@@ -125,8 +132,11 @@ class Device(BaseModel):
     model_config = STRICT
 
     name: str
+    """Name of the device, as of the file."""
     title: str
+    """One line for lists and reports."""
     limits: Limits
+    """What a live node is limited to."""
     board: Board | None = None
     """null: the limits are all in `limits`, as shares of whatever host it is."""
     model: CostModel | None = None
@@ -210,8 +220,11 @@ class DeviceChange(BaseModel):
     model_config = STRICT
 
     device: str
+    """Name of the device that is changed."""
     name: str = Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9_.-]*$")
+    """What tables call the changed device."""
     cores: int | None = Field(default=None, ge=1, le=1024)
+    """Another number of cores."""
     speed: float | None = Field(default=None, gt=0)
     """Relative to the device as it is in its file."""
     jitter: dict[str, Annotated[float, Field(ge=0, le=3)]] = Field(default_factory=dict)

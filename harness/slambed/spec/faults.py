@@ -20,12 +20,14 @@ class Fault(BaseModel):
     model_config = ConfigDict(extra="forbid", frozen=True, strict=True, allow_inf_nan=False)
 
     at_s: float = Field(ge=0)
+    """Run time at which it begins."""
     edge: EdgeFault | None = None
     """kill: SIGKILL; freeze: SIGSTOP, for_s later SIGCONT (the kernel's TCP lives on); restart:
     the killed program starts again in its namespace and groups."""
     link: Literal["cut"] | None = None
     """Every packet of both directions is dropped for for_s."""
     for_s: float | None = Field(default=None, gt=0)
+    """How long it lasts; of `freeze` and `cut` only, which need it."""
 
     @model_validator(mode="after")
     def _is_one(self) -> "Fault":

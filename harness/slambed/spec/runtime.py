@@ -47,6 +47,7 @@ class RoleRuntime(BaseModel):
     image: str = ""
     """Of engine docker, instead of the one for all roles."""
     env: dict[str, str] = Field(default_factory=dict)
+    """Name -> value of environment variables."""
     tmpfs: dict[str, int] = Field(default_factory=dict)
     """Engine docker: folder -> MB that can be written there."""
     user: str = ""
@@ -75,7 +76,9 @@ class Runtime(BaseModel):
     trajectory_format: Literal["tum", "kitti"] = "tum"
     """`time tx ty tz qx qy qz qw`, or twelve numbers for each frame, camera to world."""
     mobile: RoleRuntime
+    """Program of the mobile node."""
     edge: RoleRuntime | None = None
+    """Program of the edge; given exactly where `roles` has one."""
 
     @model_validator(mode="after")
     def _has_one_way_to_its_frames(self) -> "Runtime":

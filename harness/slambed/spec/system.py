@@ -32,12 +32,19 @@ class Parameter(BaseModel):
     role: Role | None = None
     """Of a path: the only node that is given the file; both if not given."""
     default: Scalar
+    """Value where neither variant nor experiment gives one."""
     min: int | float | None = None
+    """Smallest value, itself allowed; of numbers only."""
     max: int | float | None = None
+    """Largest value, itself allowed; of numbers only."""
     choices: list[Scalar] | None = None
+    """All values that are allowed."""
     unit: str = ""
+    """Unit of the value, for tables."""
     source: str = ""
+    """Where the value comes from."""
     doc: str = ""
+    """What it does."""
 
     @model_validator(mode="after")
     def _default_is_legal(self) -> "Parameter":
@@ -72,6 +79,7 @@ class OwnMetric(BaseModel):
     model_config = STRICT
 
     doc: str
+    """What it measures."""
     event: str
     """Type of the events it is taken from."""
     take: Literal["count", "seconds", "sum", "mean", "median", "p95", "min", "max", "last", "rate"]
@@ -80,20 +88,29 @@ class OwnMetric(BaseModel):
     field: str = ""
     """Of the event; none for `count` and `seconds`."""
     node: Role | None = None
+    """Node whose events count; null: both."""
     where: dict[str, Scalar | list[Scalar]] = Field(default_factory=dict)
-    """Only events whose fields have this value (one of these values) ..."""
+    """Field -> value, or list of values: only these events count."""
     unless: dict[str, Scalar | list[Scalar]] = Field(default_factory=dict)
-    """... and none of these."""
+    """Field -> value, or list of values: these events do not count."""
     label: str = ""
+    """Name in tables and figures; empty: the key in words."""
     unit: str = ""
+    """Unit of the stored value."""
     shown: str = ""
     """Unit in tables and figures, `scale` times the stored one."""
     scale: float = 1.0
+    """What the stored value is multiplied by for tables."""
     digits: int = Field(default=1, ge=0, le=9)
+    """Decimals in tables."""
     better: Literal["lower", "higher", "neither"] = "neither"
+    """Which direction is better."""
     relevant_share: float = Field(default=0.10, ge=0)
+    """Smallest change of the median, as a share, that the gate reports."""
     relevant_step: float = Field(default=0.0, ge=0)
+    """Smallest change of the median, in the stored unit, that the gate reports."""
     gated: bool = False
+    """Whether the regression gate judges it."""
 
     @model_validator(mode="after")
     def _takes_what_is_there(self) -> "OwnMetric":
@@ -108,8 +125,11 @@ class Variant(BaseModel):
     model_config = STRICT
 
     title: str = ""
+    """One line for lists."""
     doc: str = ""
+    """What a reader must know."""
     params: dict[str, Scalar] = Field(default_factory=dict)
+    """Parameter -> value, instead of its default."""
 
 
 class System(BaseModel):
@@ -118,19 +138,27 @@ class System(BaseModel):
     model_config = STRICT
 
     name: str
+    """Name of the system, as of its folder."""
     title: str
+    """Name in tables and figures."""
     roles: list[Role]
+    """`[mobile]`, or `[mobile, edge]`."""
     channels: list[str] = Field(default_factory=list)
+    """Names of the TCP channels between the nodes; a system on slambed's modules has `control`."""
     sensors: list[Literal["rgbd", "stereo", "mono"]] = ["rgbd"]
+    """Sequences that it can play."""
     params: dict[str, Parameter] = Field(default_factory=dict)
+    """Name -> parameter that an experiment can set."""
     variants: dict[str, Variant] = Field(default_factory=dict)
+    """Name -> defaults of that variant; the first one is taken where none is named."""
     metrics: dict[str, OwnMetric] = Field(default_factory=dict)
-    """By key of summary.json."""
+    """Key in summary.json -> a metric of the system's own, taken from its events."""
     stages: dict[str, OwnStage] = Field(default_factory=dict)
-    """Work that its nodes charge and device files need not know."""
+    """Name -> work of its own that device files need no cost for."""
     runtime: Runtime | None = None
-    """How its programs are started; None: it is one of ours, built into slambed-node."""
+    """How its programs are started; null: the system is built into slambed-node."""
     doc: str = ""
+    """What a reader of the file must know."""
 
     @model_validator(mode="after")
     def _is_consistent(self) -> "System":

@@ -12,6 +12,7 @@ class Erratum(Strict):
     """The paper contradicts itself here. Exactly one of `judge_as` and `skip`."""
 
     why: str
+    """What contradicts what."""
     judge_as: Number | str | None = None
     """What is judged instead: a number, or the id of a cell or claim."""
     skip: bool = False
@@ -36,6 +37,7 @@ class Comparability(Strict):
     duplicate_of: str | None = None
     """Id of the cell or claim that is counted; this one is shown with its verdict."""
     erratum: Erratum | None = None
+    """Where the paper contradicts itself."""
     read_as: str | None = None
     """How we read it where the paper leaves it open, in a sentence."""
 

@@ -12,7 +12,9 @@ class PaperSystem(Strict):
     """A system as the paper calls it."""
 
     label: str
+    """Name of the system in the paper."""
     match: Match
+    """Key of a run -> values by which its runs are found."""
     not_built: str | None = None
     """Why there is no such system yet; `match` then says how its runs will be found."""
 
@@ -21,7 +23,9 @@ class PaperDataset(Strict):
     """A sequence as the paper calls it. A stand-in can show an ordering, never a reproduction."""
 
     label: str
+    """Name of the sequence in the paper."""
     match: list[str]
+    """Datasets whose runs are runs on this sequence."""
     stand_in: list[str] = Field(default_factory=list)
     """Names of catalog/datasets/, best first; runs of one only are used, never of two together."""
     played_s: float | None = Field(default=None, gt=0)
@@ -29,13 +33,16 @@ class PaperDataset(Strict):
     each_sequence_once: bool = False
     """It is several sequences: the mean of the sequences' own values, however many runs each."""
     note: str = ""
+    """What a reader must know."""
 
 
 class OtherReading(Strict):
     """A second number of ours that the paper's words may mean just as well."""
 
     key: str
+    """Key of summary.json."""
     note: str
+    """What the other reading is."""
     excluded: bool = False
     """The paper's own numbers rule it out: it is shown, and keeps nothing from being reproduced."""
 
@@ -52,10 +59,13 @@ class PaperMetric(Strict):
     reference: str | None = None
     """The paper's system whose runs under the same conditions are the path to compare with."""
     statistic: Literal["share", "mean", "median"]
+    """What is taken over the runs of a cell."""
     scale: float
     """Paper's unit = scale * our unit."""
     better: Literal["lower", "higher", "neither"]
+    """Which direction is better."""
     only_without_loss: bool = False
+    """Only runs that never lost track count."""
     needs_exposure: bool = False
     """Grows with the time played: runs of another length than the paper's cannot be compared."""
     other_readings: list[OtherReading] = Field(default_factory=list)
@@ -63,6 +73,7 @@ class PaperMetric(Strict):
     read_as: str | None = None
     """How we read the paper's definition where it is open."""
     note: str = ""
+    """What a reader must know."""
 
 
 class Margin(Strict):

@@ -39,7 +39,9 @@ class PlannedData(BaseModel):
     played: str
     """What that is where only the clone is there."""
     stand_in: bool
+    """Whether it only stands in for the paper's sequence."""
     why: str
+    """Reason for the choice."""
 
 
 class PlannedRuns(BaseModel):
@@ -48,15 +50,18 @@ class PlannedRuns(BaseModel):
     model_config = STRICT
 
     experiment: str
+    """Name of the experiment."""
     runs: int = Field(ge=5)
     """Per cell. Fewer than five decide nothing."""
     seed: int
+    """Seed of its runs."""
     decides: list[str]
     """Ids of contrasts."""
     power: dict[str, float] = Field(default_factory=dict)
     """Contrast -> chance that it holds with these runs if the paper's numbers are true; for those
     that the paper prints numbers of."""
     why: str = ""
+    """Reason for the number of runs."""
 
 
 class PlannedLater(BaseModel):
@@ -92,9 +97,13 @@ class PaperPlan(BaseModel):
     model_config = STRICT
 
     paper: str
+    """Folder in papers/."""
     written_utc: AwareDatetime
+    """When it was written; runs that began before are reported."""
     engine: Literal["virtual", "live"]
+    """What executes the runs."""
     devices: dict[Role, str]
+    """Role -> name of a device."""
     fits: list[str]
     """Files of catalog/devices/fits that these devices come from."""
     frozen: str
@@ -102,6 +111,7 @@ class PaperPlan(BaseModel):
     data: dict[str, PlannedData]
     """Name in the paper -> what is played."""
     runs: list[PlannedRuns] = Field(default_factory=list)
+    """Experiments, and what they decide."""
     later: list[PlannedLater] = Field(default_factory=list)
     """What a plan with runs for them will have to take over; that one has a digest of its own."""
     limits: list[str] = Field(default_factory=list)

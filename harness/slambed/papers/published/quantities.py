@@ -15,8 +15,11 @@ class At(Strict):
     """A place without a cell of its own: a metric of a system under conditions."""
 
     metric: str
+    """Key of `metrics`."""
     system: str
+    """Key of `systems`."""
     conditions: dict[str, Any] = Field(default_factory=dict)
+    """Condition -> value."""
 
 
 Operand = str | At
@@ -27,8 +30,11 @@ class Ratio(Strict):
     """of / base."""
 
     kind: Literal["ratio"]
+    """Names the quantity."""
     of: Operand
+    """What is divided or subtracted from."""
     base: Operand
+    """What it is compared with."""
 
     def operands(self) -> list[Operand]:
         """What it is computed from."""
@@ -39,18 +45,21 @@ class Reduction(Ratio):
     """1 - of / base, in percent; a gain of something that should be small."""
 
     kind: Literal["reduction"]  # type: ignore[assignment]
+    """Names the quantity."""
 
 
 class Difference(Ratio):
     """of - base, in the metric's unit."""
 
     kind: Literal["difference"]  # type: ignore[assignment]
+    """Names the quantity."""
 
 
 class Increase(Ratio):
     """of / base - 1, in percent."""
 
     kind: Literal["increase"]  # type: ignore[assignment]
+    """Names the quantity."""
 
 
 class MaxOver(Strict):
@@ -58,10 +67,12 @@ class MaxOver(Strict):
     are reductions (stated in percent), or all are differences (in the unit of the cells)."""
 
     kind: Literal["max_over"]
+    """Names the quantity."""
     over: (
         Annotated[list[Reduction], Field(min_length=1)]
         | Annotated[list[Difference], Field(min_length=1)]
     )
+    """Reductions, or differences, of which the largest counts."""
 
     def operands(self) -> list[Operand]:
         """What it is computed from."""
@@ -72,7 +83,9 @@ class Each(Strict):
     """One number that is said of several cells at once, in the metric's unit."""
 
     kind: Literal["each"]
+    """Names the quantity."""
     of: Annotated[list[Operand], Field(min_length=2)]
+    """The cells."""
 
     def operands(self) -> list[Operand]:
         """What it is said of."""
@@ -84,10 +97,15 @@ class WindowShare(Strict):
     the sequence; in percent."""
 
     kind: Literal["window_share"]
+    """Names the quantity."""
     of: Operand
+    """The cell whose runs are looked at."""
     from_s: float = Field(ge=0)
+    """Sequence time at which the window begins."""
     to_s: float = Field(gt=0)
+    """Sequence time at which the window ends."""
     per: Literal["losses", "runs"] = "losses"
+    """What the share is of."""
 
     @model_validator(mode="after")
     def _window(self) -> "WindowShare":
@@ -104,8 +122,11 @@ class Trend(Strict):
     """Whether a value rises or falls along cells in the order given."""
 
     kind: Literal["trend"]
+    """Names the quantity."""
     cells: Annotated[list[Operand], Field(min_length=3)]
+    """The cells in their order."""
     direction: Direction
+    """What the paper says of them."""
 
     def operands(self) -> list[Operand]:
         """What it is computed from."""
