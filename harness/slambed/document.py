@@ -17,7 +17,6 @@ from slambed.files.yaml_source import load_yaml
 from slambed.metrics.catalog import METRICS
 from slambed.metrics.metric import Metric, Use
 from slambed.native import repository_root
-from slambed.schema.field_table import in_a_row
 from slambed.schema.key_tables import curve_table, key_tables
 from slambed.schema.markdown import markdown_table, prose
 from slambed.schema.record_tables import RECORDS, record_table
@@ -91,7 +90,7 @@ def _catalog(folder: str, name: str, shown: tuple[str, ...]) -> str:
     files = sorted((repository_root() / folder).glob("*.yaml"))
     rows = []
     for content in (load_yaml(path).data for path in files):
-        cells = [prose(in_a_row(str(content.get(key, "")))) for key in shown]
+        cells = [prose(" ".join(str(content.get(key, "")).split())) for key in shown]
         rows.append([f"`{content[name]}`", *_origin(content), *cells])
     origin = ["sensor", "comes from"] if folder.endswith("datasets") else []
     return markdown_table([name, *origin, *shown], rows)

@@ -39,7 +39,7 @@ class Results:
 
     @property
     def runs(self) -> pd.DataFrame:
-        """One row per run: the keys of summary.json (docs/formats.md), `label`, `params.<name>`."""
+        """A row per run: keys of summary.json (docs/reference/summary.md), `label`, `params.<name>`."""
         return self._loaded.runs
 
     @property

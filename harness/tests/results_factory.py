@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Invented raw run folders and whole experiments, consistent and as docs/formats.md says."""
+"""Invented raw run folders and whole experiments, as docs/reference/run-folder.md says."""
 
 import json
 from dataclasses import dataclass, field

@@ -28,7 +28,7 @@ struct PersonLabel {
 std::vector<PersonLabel> label_people(Renderer& renderer, std::span<const Figure> cast,
                                       const SE3& T_wc, double time_s);
 
-/// A frame of labels.bin, which has the form of a mask cache (docs/formats.md) with the key
+/// A frame of labels.bin, a mask cache (docs/reference/sequence.md) with the key
 /// "labels".
 std::string label_block(std::span<const PersonLabel> people, const Camera& camera);
 std::string label_file(const std::vector<std::string>& blocks);

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""manifest.json: under which circumstances a run was made (docs/formats.md)."""
+"""manifest.json: under which circumstances a run was made (docs/reference/manifest.md)."""
 
 import json
 import os

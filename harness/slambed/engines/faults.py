@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Makes the faults of a run happen, and writes down when each began and was over.
 
-`faults.jsonl` in the run folder becomes events of the node `harness` (docs/formats.md).
+`faults.jsonl` in the run folder becomes events of the node `harness` (docs/reference/events.md).
 """
 
 import json
@@ -100,7 +100,7 @@ def steps(faults: list[Fault]) -> list[Step]:
 
 @dataclass(frozen=True)
 class FaultEvent:
-    """A line of the log (docs/formats.md, "Events")."""
+    """A line of the log (docs/reference/events.md)."""
 
     t_ns: int
     type: str

@@ -78,7 +78,7 @@ def run_config(
     horizon_s: float,
     edge_address: str = NETWORK_EDGE_ADDRESS,
 ) -> RunConfig:
-    """The run configuration (docs/formats.md); both paths as the nodes see them. The run is over
+    """run.json (docs/reference/run-folder.md); both paths as the nodes see them. The run is over
     before the horizon."""
     network: Network | None = None
     if spec.link is not None:

@@ -54,7 +54,7 @@ SEEN_FROM = (QUALITY, "full_offload")
 
 
 def sim_config(spec: RunSpec, horizon_s: float, features: Path | None) -> SimConfig:
-    """The world around the nodes (docs/formats.md, "Virtual run")."""
+    """The world around the nodes (docs/reference/run-folder.md)."""
     link: ModeledLink | None = None
     if spec.link is not None:
         profile = parse_profile(spec.link.content, f"profile {spec.link.profile}")

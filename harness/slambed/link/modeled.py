@@ -12,7 +12,7 @@ from slambed.link.record import ASKED_STEP_S, series_frame
 
 
 def modeled_link(profile: Profile, horizon_s: float) -> ModeledLink:
-    """Both directions (docs/formats.md, "Virtual run")."""
+    """Both directions (docs/reference/run-folder.md)."""
     up_ms, down_ms = delay_table_ms(profile, horizon_s)
     return ModeledLink(
         step_ms=STEP_MS,

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The one list of what is known about a run. A new number is one entry: summary.json, summary.csv
-and, after `python -m slambed.document`, the tables of docs/formats.md and docs/metrics.md follow.
+and, after `python -m slambed.document`, docs/reference/summary.md and docs/metrics.md follow.
 Reports and the gate take it as its `use` says, by default only where an experiment asks for it."""
 
 from collections.abc import Callable, Iterable, Mapping

@@ -40,7 +40,7 @@ class Metric:
 
     key: str
     doc: str
-    """Meaning, for docs/formats.md."""
+    """Meaning, for docs/reference/summary.md."""
     function: Function | None = field(default=None, compare=False)
     """Its value for a run, None where it cannot be measured; without a function: what decides
     about the run (`outcome`, `valid`) or names it."""
@@ -89,7 +89,7 @@ class Metric:
 
     @property
     def stored_type(self) -> str:
-        """As docs/formats.md says it."""
+        """As docs/reference/summary.md says it."""
         return {"number": "float", "count": "int", "flag": "bool", "text": "str"}[self.type]
 
     @property

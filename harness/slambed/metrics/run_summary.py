@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""One run's folder into its flat summary (docs/formats.md, `summary.json`)."""
+"""One run's folder into its flat summary (docs/reference/summary.md, `summary.json`)."""
 
 from collections.abc import Mapping
 from pathlib import Path

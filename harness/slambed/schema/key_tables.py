@@ -19,6 +19,8 @@ ELSEWHERE = {
 }
 """Kind -> objects whose table is on the page of another kind."""
 CURVE = "[curve](profile.md#curves)"
+OF_CURVES = ("TraceFile",)
+"""Objects in curves, which no key of a profile names."""
 MANY = 8
 """So many keys of a curve have a table of their own."""
 SAME = {"PartOfParameter": "Parameter"}
@@ -38,6 +40,7 @@ def key_tables(kind: str) -> str:
     schema = KINDS[kind].make()
     page = _Page(schema.get("$defs", {}), ELSEWHERE.get(kind, {}))
     parts = [markdown_table(HEADINGS, rows)] if (rows := page.rows(kind, schema)) else []
+    page.waiting += [name for name in OF_CURVES if kind == "profile"]
     for name in page.waiting:
         definition = page.definitions[name]
         sentence = " ".join(definition.get("description", "").split("\n\n")[0].split())
@@ -141,16 +144,12 @@ class _Page:
         if page := self.elsewhere.get(name):
             return f"[{name}]({page}.md#{name.lower()})"
         if name == "Curve":
-            self._wait_for("TraceFile")
             return CURVE
         if "properties" not in (schema := self.definitions[name]):
             return self.type_of(schema)
-        self._wait_for(name)
-        return f"[{name}](#{name.lower()})"
-
-    def _wait_for(self, name: str) -> None:
         if name not in self.waiting:
             self.waiting.append(name)
+        return f"[{name}](#{name.lower()})"
 
 
 def _grouped(words: str) -> str:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The mask cache (docs/formats.md): what a network found in every picture of a sequence. The
+"""The mask cache (docs/reference/sequence.md): what a network found in a sequence's pictures. The
 generator's labels.bin has the same form."""
 
 from __future__ import annotations

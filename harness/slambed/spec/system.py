@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""systems/<name>/system.yaml: roles, channels and parameters of a system (docs/systems.md)."""
+"""systems/<name>/system.yaml: roles, channels, parameters (docs/reference/system.md)."""
 
 from collections.abc import Mapping
 from typing import Literal

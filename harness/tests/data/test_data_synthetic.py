@@ -63,7 +63,7 @@ TUNED = {
 def test_sequences_tuned_once_keep_their_bytes(tmp_path: Path, name: str) -> None:
     """Tuned with one system before others were played on them, so neither their recipes nor what
     the generator makes of them may change: small pictures from the beginning of the way to its end.
-    When a change is meant, raise kGeneratorVersion and say so in docs/datasets.md."""
+    When a change is meant, raise kGeneratorVersion (docs/explanation/generated-sequences.md)."""
     recipe = Catalog.load(repository_root() / "catalog" / "datasets", []).get(name)
     assert recipe.synthetic is not None
     small = recipe.synthetic.model_copy(update={"width": 160, "height": 120, "texel_scale": 10.0})

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// slambed-node: one node of a run. See docs/formats.md for its files and exit codes.
+// slambed-node: one node of a run. See docs/reference/run-folder.md for its files and exit codes.
 #include <CLI/CLI.hpp>
 #include <iostream>
 

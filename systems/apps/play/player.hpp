@@ -20,7 +20,7 @@ struct PlayerOptions {
 };
 
 /// A node whose system is a program of somebody else: offers it frames on the run's clock, takes
-/// its poses, and keeps the file contract of every node (docs/formats.md, "Life of a node").
+/// its poses, and keeps the file contract of every node (docs/reference/run-folder.md).
 /// Returns the exit code; throws Error for what is wrong on our side.
 int play(const PlayerOptions& options);
 

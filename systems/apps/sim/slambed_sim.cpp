@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// slambed-sim: a whole run in virtual time. See docs/formats.md for its files and exit codes.
+// slambed-sim: a whole run in virtual time. Its files are in docs/reference/run-folder.md.
 #include <CLI/CLI.hpp>
 #include <iostream>
 

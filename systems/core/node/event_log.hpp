@@ -17,7 +17,7 @@
 
 namespace slambed {
 
-/// events.jsonl of one node (docs/formats.md, "Events"). Thread-safe; lines are kept in memory
+/// events.jsonl of one node (docs/reference/events.md). Thread-safe; lines are kept in memory
 /// until flush(). Events that come before the run starts (connections) are held until its zero is
 /// known.
 class EventLog final : public Observer {

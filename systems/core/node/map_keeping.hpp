@@ -15,8 +15,8 @@ namespace slambed {
 void require_same_rig(const wire::SensorInfo& stored, const wire::SensorInfo& played,
                       const std::filesystem::path& map);
 
-/// Maps that outlive a run: the one it starts from, the one it leaves (docs/formats.md, "Map
-/// file").
+/// Maps that outlive a run: the one it starts from, the one it leaves
+/// (docs/reference/sequence.md).
 class MapKeeping {
  public:
   MapKeeping(const System& system, const Parameters& parameters, const PreparedSequence& sequence,

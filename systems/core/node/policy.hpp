@@ -56,7 +56,8 @@ struct System {
   std::string name;
   std::vector<ParameterSpec> parameters;
   std::vector<std::string> channels;  ///< none: everything runs on the mobile
-  /// Types of its own messages, beside the core's: from 128 on (docs/systems.md).
+  /// Types of its own messages, beside the core's: from 128 on
+  /// (docs/how-to/write-a-system-in-cpp.md).
   std::vector<wire::MessageRange> messages;
   std::vector<SensorKind> sensors{SensorKind::kRgbd};
   std::function<OrbOptions(const Parameters&)> orb;

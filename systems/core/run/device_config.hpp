@@ -8,7 +8,7 @@
 
 namespace slambed {
 
-/// A cost model as the harness writes it (docs/formats.md, "Virtual run"). where: full name of the
+/// A cost model as the harness writes it (docs/reference/run-folder.md). where: full name of the
 /// object, for messages. bad_input for anything missing, wrong or unknown.
 DeviceModel read_device(const nlohmann::json& json, const std::string& where);
 

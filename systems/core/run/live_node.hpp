@@ -15,7 +15,7 @@ struct LiveNodeOptions {
   bool verify = false;  ///< check every frame of the sequence first
 };
 
-/// One node from its configuration to node.json (docs/formats.md, "Life of a node"), on threads,
+/// One node from its configuration to node.json (docs/reference/run-folder.md), on threads,
 /// TCP and the monotonic clock. Throws Error with the exit code to end with.
 void run_live_node(const LiveNodeOptions& options, std::span<const System> systems);
 

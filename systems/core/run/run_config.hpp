@@ -33,7 +33,7 @@ struct PaceConfig {
   DeviceModel device;
 };
 
-/// run.json (docs/formats.md, "Run configuration"). params are checked by the system's own list.
+/// run.json (docs/reference/run-folder.md). params are checked by the system's own list.
 struct RunConfig {
   std::string run_key;
   std::uint64_t seed = 0;

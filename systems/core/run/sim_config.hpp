@@ -22,7 +22,7 @@ struct LinkModel {
 /// where: full name of the object, for messages. bad_input as read_sim_config.
 LinkModel read_link(const nlohmann::json& json, const std::string& where);
 
-/// sim.json (docs/formats.md, "Virtual run"): a run.json plus the scenario: what
+/// sim.json (docs/reference/run-folder.md): a run.json plus the scenario: what
 /// surrounds the nodes.
 struct SimConfig {
   RunConfig run;

@@ -15,7 +15,7 @@ struct SampledNode {
   const VirtualRuntime* runtime = nullptr;
 };
 
-/// Writes samples.jsonl (docs/formats.md, "Samples") of a virtual run: charged compute time at 10
+/// Writes samples.jsonl (docs/reference/samples.md) of a virtual run: charged compute time at 10
 /// Hz of virtual time. Memory and throttling are not modeled and left out.
 class VirtualSampler {
  public:

@@ -12,7 +12,7 @@
 namespace slambed {
 
 /// Masks of every frame of a sequence, segmented once per quality, network and n_m
-/// (docs/formats.md, "Mask cache").
+/// (docs/reference/sequence.md).
 class MaskCache final : public MaskSource {
  public:
   /// The size of the sequence's pictures.

@@ -17,7 +17,7 @@ FrameMasks get_masks(ByteReader& in, int width, int height);
 Bytes encode_masks(const FrameMasks& masks);
 FrameMasks decode_masks(std::span<const std::uint8_t> bytes, int width, int height);
 
-/// What a segmentation writes, in mask caches and as its answers (docs/formats.md, "Mask cache"):
+/// What a segmentation writes, in mask caches and as its answers (docs/reference/sequence.md):
 /// plain numbers, easy to write from any language. Throws DecodeError as decode_masks does.
 FrameMasks decode_segmentation(std::uint32_t instances, std::span<const std::uint8_t> bytes,
                                int width, int height);
