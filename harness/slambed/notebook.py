@@ -39,7 +39,7 @@ class Results:
 
     @property
     def runs(self) -> pd.DataFrame:
-        """A row per run: keys of summary.json (docs/reference/summary.md), `label`, `params.<name>`."""
+        """One row per run: keys of summary.json, `params.<name>`, `label`."""
         return self._loaded.runs
 
     @property

@@ -142,7 +142,8 @@ class _Page:
     def _named(self, name: str) -> str:
         name = SAME.get(name, name)
         if page := self.elsewhere.get(name):
-            return f"[{name}]({page}.md#{name.lower()})"
+            anchor = "" if name.lower() == page else f"#{name.lower()}"
+            return f"[{name}]({page}.md{anchor})"
         if name == "Curve":
             return CURVE
         if "properties" not in (schema := self.definitions[name]):
