@@ -109,7 +109,7 @@ images: packages ## Build the node image
 docs: setup-dev ## The documentation as a site, build/site/html; a link that leads nowhere is an error
 	@$(VENV)/python tools/site.py $(BUILD)
 
-doctor: setup ## Say what this machine can do
+doctor: setup ## Show what this machine can do
 	@$(SUDO) $(SLAMBED) doctor
 
 clean: ## Remove build products and what killed campaigns left; results stay

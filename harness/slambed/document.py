@@ -7,11 +7,17 @@ header of each system from its system.yaml.
 In docs/ each table lies between two comments; a test fails when a table or header is out of date.
 """
 
+import re
 from pathlib import Path
+from typing import Any
 
+from slambed.commands.described import verbs
+from slambed.files.yaml_source import load_yaml
 from slambed.metrics.catalog import METRICS
 from slambed.metrics.metric import Metric, Use
 from slambed.native import repository_root
+from slambed.schema.key_tables import curve_table, key_tables
+from slambed.schema.markdown import markdown_table, prose
 from slambed.schema.record_tables import RECORDS, record_table
 from slambed.spec.library import Library
 from slambed.spec.linked import libraries_of, programs_of
@@ -33,8 +39,15 @@ EVERY_SYSTEM = "registry"
 def table(name: str) -> str:
     """Returns one table as Markdown."""
     if name == "lines" or name in RECORDS:
-        return _lines(*record_table(name))
+        return markdown_table(*record_table(name))
+    if name in CATALOGS:
+        return _catalog(*CATALOGS[name])
+    if name.startswith(KEYS):
+        return key_tables(name.removeprefix(KEYS))
     return {
+        "verbs": verbs,
+        "make": _make,
+        "curves": curve_table,
         "summary": _summary,
         "own": _own,
         "gate": _gate,
@@ -43,14 +56,36 @@ def table(name: str) -> str:
     }[name]()
 
 
-def _lines(headings: list[str], rows: list[list[str]]) -> str:
-    rule = ["---"] * len(headings)
-    return "".join(f"| {' | '.join(row)} |\n" for row in (headings, rule, *rows))
+def _catalog(folder: str, name: str, shown: tuple[str, ...]) -> str:
+    files = sorted((repository_root() / folder).glob("*.yaml"))
+    rows = []
+    for content in (load_yaml(path).data for path in files):
+        cells = [prose(" ".join(str(content.get(key, "")).split())) for key in shown]
+        rows.append([f"`{content[name]}`", *_origin(content), *cells])
+    origin = ["sensor", "comes from"] if folder.endswith("datasets") else []
+    return markdown_table([name, *origin, *shown], rows)
+
+
+def _origin(content: dict[str, Any]) -> list[str]:
+    """Of a dataset; nothing of anything else."""
+    for key, words in ORIGINS.items():
+        if value := content.get(key):
+            names = value if isinstance(value, list) else [value]
+            found = ", ".join(f"`{item}`" for item in names)
+            sensor = content.get("sensor", "" if words.endswith("of") else "rgbd")
+            return [sensor, words if key == "synthetic" else f"{words} {found}".strip()]
+    return []
+
+
+def _make() -> str:
+    makefile = (repository_root() / "Makefile").read_text(encoding="utf-8")
+    rows = [[f"`make {name}`", text] for name, text in TARGET.findall(makefile)]
+    return markdown_table(["target", "what it does"], rows)
 
 
 def _summary() -> str:
     rows = [[f"`{item.key}`", item.stored_type, item.unit, item.doc] for item in METRICS]
-    return _lines(["key", "type", "unit", "meaning"], rows)
+    return markdown_table(["key", "type", "unit", "meaning"], rows)
 
 
 def _own() -> str:
@@ -60,7 +95,7 @@ def _own() -> str:
         for name in library.systems()
         for key, item in library.system(name).metrics.items()
     ]
-    return _lines(["key", "system", "type", "unit", "meaning"], rows)
+    return markdown_table(["key", "system", "type", "unit", "meaning"], rows)
 
 
 def _libraries() -> str:
@@ -135,7 +170,7 @@ def _gate() -> str:
         for item in METRICS
         if Use.GATED in item.use
     ]
-    return _lines(["metric", "shown as", "", "a smaller change is no alarm"], rows)
+    return markdown_table(["metric", "shown as", "", "a smaller change is no alarm"], rows)
 
 
 def _least(item: Metric) -> str:

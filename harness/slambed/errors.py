@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The one exception a user may see, and the exit codes (docs/formats.md, "Exit codes")."""
+"""The one exception a user may see, and the exit codes (docs/reference/exit-codes.md)."""
 
 from enum import IntEnum
 

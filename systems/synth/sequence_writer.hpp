@@ -13,7 +13,7 @@
 
 namespace slambed::synth {
 
-/// Header of a prepared sequence (docs/formats.md, "Prepared sequence").
+/// Header of a prepared sequence (docs/reference/sequence.md).
 struct SequenceHeader {
   std::string id, title;
   std::string sensor;  ///< "rgbd", "stereo" or "mono"

@@ -15,9 +15,11 @@ class FittedDevice(BaseModel):
     model_config = STRICT
 
     device: str
+    """Name of the file in catalog/devices/ that the fit writes."""
     like: str = "host"
     """Base device whose costs are scaled; their dependence on sizes is kept."""
     cores: int = Field(default=1, ge=1)
+    """Cores of its cost model."""
     factor: float = Field(default=1.0, gt=0)
     """Scale of stages without a component, and initial scale of the others."""
     kept: list[str] = Field(default_factory=list)
@@ -32,9 +34,11 @@ class Component(BaseModel):
     model_config = STRICT
 
     name: str
+    """What reports of the fit call it."""
     source: str
     """Where it is printed, and how we read it."""
     node: Role
+    """Whose device the stages belong to."""
     stages: list[str]
     """Stages that are scaled; if empty, the time follows from the others and is only shown."""
     measure: str = "per_frame"
@@ -68,23 +72,33 @@ class Targets(BaseModel):
     model_config = STRICT
 
     title: str
+    """One line for the fit's report."""
     dataset: str
+    """Sequence that is played."""
     datasets: dict[str, str] = Field(default_factory=dict)
     """Maps a condition to its sequence, if it is not `dataset`."""
     playback: Playback
+    """How its frames are offered."""
     link: LinkChoice | None = None
+    """Link of the simulated runs; none for a system without an edge."""
     conditions: dict[str, SystemChoice] = Field(min_length=1)
+    """Condition of the paper -> the system and parameters that are run for it."""
     devices: dict[Role, FittedDevice]
+    """Role -> the device to fit."""
     components: list[Component] = Field(min_length=1)
+    """The printed times to meet."""
     fits: list[str] = Field(default_factory=list)
     """Ids of the published cells (`*` allowed) that the devices are fitted to, including sums of
     fitted ones. Agreement with these is no evidence (docs/results.md)."""
     runs: int = Field(default=2, ge=1)
+    """Runs of each condition in a round."""
     rounds: int = Field(default=6, ge=1)
+    """Rounds of running and scaling, at most."""
     damping: float = Field(default=0.0, ge=0, lt=1)
     """Fraction of each step that is not taken, if costs change the events: slower tracking creates
     other keyframes, and these other updates."""
     notes: str = ""
+    """What a reader must know."""
 
     @model_validator(mode="after")
     def _names_agree(self) -> "Targets":

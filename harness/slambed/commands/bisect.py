@@ -17,7 +17,7 @@ LEAST_RUNS = 2
 def bisect(
     experiment: Annotated[str, typer.Argument(help="Name in experiments/, or path of a file.")],
     good: Annotated[str, typer.Option(help="Commit, tag, or results folder of one commit.")],
-    bad: Annotated[str, typer.Option(help="The same, where the regression gate closed.")] = "HEAD",
+    bad: Annotated[str, typer.Option(help="The same, where the regression gate failed.")] = "HEAD",
     metric: Annotated[
         list[str] | None,
         typer.Option(help="Only this; else all that the regression gate looks at."),

@@ -81,7 +81,9 @@ def _entries(catalog: Catalog) -> list[dict[str, object]]:
 @app.command("prepare")
 def prepare_dataset(
     dataset: Id,
-    cache: Annotated[Path | None, typer.Option(help="cache folder; default $SLAMBED_CACHE")] = None,
+    cache: Annotated[
+        Path | None, typer.Option(help="Cache folder; default $SLAMBED_CACHE.")
+    ] = None,
 ) -> None:
     """Decode or generate a sequence once; playback then only maps it into memory."""
     from slambed.data.catalog import prepare
@@ -134,7 +136,7 @@ def verify(path: Annotated[Path, typer.Argument(help="folder of a prepared seque
 def show(
     dataset: Id,
     output: Annotated[
-        Path | None, typer.Option(help="PNG to write; default: in the cache, and said")
+        Path | None, typer.Option(help="PNG to write; default: in the cache, its path is printed")
     ] = None,
     frames: Annotated[int, typer.Option(min=1, max=200, help="pictures on the sheet")] = 12,
 ) -> None:
@@ -156,7 +158,9 @@ def difficulty(
     output: Annotated[
         Path | None,
         typer.Option(
-            "-o", "--output", help="figure: .png, .svg, .pdf; default: in the cache, and said"
+            "-o",
+            "--output",
+            help="figure: .png, .svg, .pdf; default: in the cache, its path is printed",
         ),
     ] = None,
     table: Annotated[Path | None, typer.Option(help="CSV to write: a row per gap")] = None,

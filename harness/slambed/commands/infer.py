@@ -18,7 +18,7 @@ def infer(
     ],
     quick: Annotated[bool, typer.Option("--quick", help="The plan's quick form.")] = False,
     dry_run: Annotated[
-        bool, typer.Option("--dry-run", help="Say how many runs it takes, and how long.")
+        bool, typer.Option("--dry-run", help="Show how many runs it takes, and how long.")
     ] = False,
     results: Annotated[Path, typer.Option("--results", help="Folder of all results.")] = Path(
         "results"

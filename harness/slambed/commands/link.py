@@ -172,7 +172,7 @@ def _keep(table: pd.DataFrame, output: Path | None) -> None:
 def compare(
     logs: Annotated[list[Path], typer.Argument(help="Link logs: CSV of `link bench` or Parquet.")],
     output: Annotated[
-        Path | None, typer.Option(help="PNG to write; default: in the cache, and said.")
+        Path | None, typer.Option(help="PNG to write; default: in the cache, its path is printed.")
     ] = None,
 ) -> None:
     """Plot link logs side by side: requested, applied and measured RTT, and the error."""

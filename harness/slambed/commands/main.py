@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The `slambed` command. Errors are one line; exit codes are in docs/formats.md."""
+"""The `slambed` command. Errors are one line; exit codes are in docs/reference/exit-codes.md."""
 
 import errno
 import os
@@ -10,6 +10,7 @@ from importlib import import_module
 from typing import Annotated
 
 import typer
+from typer.core import TyperGroup
 
 from slambed import __version__
 from slambed.caller import give_written_to_caller
@@ -84,6 +85,15 @@ def _add(name: str) -> None:
         app.add_typer(found, name=name)
     else:
         app.command(name)(found)
+
+
+def every_command() -> TyperGroup:
+    """All of them, loaded."""
+    for name in COMMANDS:
+        _add(name)
+    group = typer.main.get_command(app)
+    assert isinstance(group, TyperGroup)
+    return group
 
 
 def _add_commands(asked: str) -> None:

@@ -65,7 +65,7 @@ def show(
     n_m: NMax = N_M,
     frames: Annotated[int, typer.Option(min=1, max=200, help="pictures on the sheet")] = 16,
     output: Annotated[
-        Path | None, typer.Option(help="PNG to write; default: in the cache, and said")
+        Path | None, typer.Option(help="PNG to write; default: in the cache, its path is printed")
     ] = None,
 ) -> None:
     """Write a contact sheet of a sequence's masks."""

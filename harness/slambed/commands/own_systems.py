@@ -28,7 +28,7 @@ def check_system(
 
 def new(
     kind: Annotated[str, typer.Argument(help="system, dataset or experiment.")],
-    name: Annotated[str, typer.Argument(help="What it shall be called.")],
+    name: Annotated[str, typer.Argument(help="Name of the new folder or file.")],
     folder: Annotated[Path, typer.Option(help="Where to write it.")] = Path(),
 ) -> None:
     """Write a working skeleton of a system, a dataset or an experiment for you to change."""

@@ -81,7 +81,7 @@ def show(
     name: Annotated[str, typer.Argument(help="Name in netem_profiles/, or path of a YAML file.")],
     values: SetOption = None,
     output: Annotated[
-        Path | None, typer.Option(help="PNG to write; default: in the cache, and said.")
+        Path | None, typer.Option(help="PNG to write; default: in the cache, its path is printed.")
     ] = None,
     until_s: Annotated[float | None, typer.Option(help="Seconds to show.")] = None,
     as_json: JsonOption = False,

@@ -30,7 +30,7 @@ def report(
         bool, typer.Option("--again", help="Compute every number again from the stored events.")
     ] = False,
     losses: Annotated[
-        bool, typer.Option("--losses", help="Only say why track was lost; write no report.")
+        bool, typer.Option("--losses", help="Only show why track was lost; write no report.")
     ] = False,
     output: Annotated[
         Path | None,
@@ -261,9 +261,13 @@ def evaluate(
     estimate: Annotated[Path, typer.Argument(help="Trajectory in TUM format.")],
     truth: Annotated[Path, typer.Argument(help="Ground truth in TUM format.")],
     association: Annotated[str, typer.Option(help="nearest (as evo) or tum.")] = "nearest",
-    max_difference_s: Annotated[float, typer.Option(help="Of two time stamps.")] = 0.02,
-    with_scale: Annotated[bool, typer.Option("--with-scale", help="Sim(3); is marked.")] = False,
-    delta_s: Annotated[float, typer.Option(help="RPE: between the poses of a pair.")] = 1.0,
+    max_difference_s: Annotated[
+        float, typer.Option(help="Largest difference of two associated time stamps.")
+    ] = 0.02,
+    with_scale: Annotated[
+        bool, typer.Option("--with-scale", help="Align with scale, Sim(3); the output names it.")
+    ] = False,
+    delta_s: Annotated[float, typer.Option(help="RPE: seconds between the poses of a pair.")] = 1.0,
 ) -> None:
     """Compute ATE and RPE of a trajectory file against ground truth."""
     from slambed.data.trajectory import read_tum

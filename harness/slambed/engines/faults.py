@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Injects the faults of a run and logs when each one began and ended.
 
-`faults.jsonl` in the run folder becomes events of the node `harness` (docs/formats.md).
+`faults.jsonl` in the run folder becomes events of the node `harness` (docs/reference/events.md).
 """
 
 import json

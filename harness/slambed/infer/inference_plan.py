@@ -41,7 +41,9 @@ class Change(BaseModel):
     model_config = STRICT
 
     variant: str | None = None
+    """Variant of the system; null keeps it."""
     params: dict[str, Scalar] = Field(default_factory=dict)
+    """Parameter -> value, instead of the experiment's."""
 
 
 class OpenItem(BaseModel):
@@ -59,6 +61,7 @@ class OpenItem(BaseModel):
     range: list[float | int] | None = Field(default=None, min_length=2, max_length=2)
     """Lowest and highest value; only integers are drawn if both are integers."""
     values: list[Scalar] | None = None
+    """Values to choose from."""
     cases: dict[str, dict[str, Change]] | None = None
     """Maps a case's name to changes of the paper's systems (patterns)."""
     systems: list[str] | None = Field(default=None, min_length=1)
@@ -122,14 +125,18 @@ class Criterion(BaseModel):
     model_config = STRICT
 
     says: str
+    """The criterion in one sentence."""
     kind: Literal["fitted_inside", "held_out_inside", "mean_error", "rank", "rises"]
     """fitted_inside, held_out_inside: share of cells inside their 95 % predictive intervals;
     mean_error: mean error in points; rank: Spearman's rank correlation of ours with the paper's
     over `cells`; rises: every cell of `cells` is above the one before in the runs of the best point
     (one-sided, p < 0.05 each)."""
     at_least: float | None = None
+    """Smallest value that passes; not for `mean_error` and `rises`."""
     at_most: float | None = None
+    """Largest value that passes; of `mean_error` only."""
     cells: Cells = Field(default_factory=list)
+    """Cells in order, for `rank` and `rises`."""
 
     @model_validator(mode="after")
     def _is_whole(self) -> "Criterion":
@@ -151,7 +158,9 @@ class Inference(BaseModel):
     model_config = STRICT
 
     id: str = Field(pattern=NAME)
+    """Name of the plan, as of its file."""
     title: str
+    """Heading of its page."""
     paper: str
     """Name in papers/, or a .yaml file next to the plan."""
     experiments: list[str] = Field(min_length=1)
@@ -162,15 +171,21 @@ class Inference(BaseModel):
     instead: dict[str, Change] = Field(default_factory=dict)
     """Maps the paper's systems (patterns) to changes that apply at every point."""
     open: dict[str, OpenItem]
+    """Name -> what the paper leaves open."""
     fit: Cells = Field(min_length=1)
+    """Cells of the paper that the open values are fitted to."""
     held_out: Cells = Field(min_length=1)
+    """Cells of the paper that are predicted."""
     within_log: float = Field(default=2.0, gt=0)
     """Points within this log-likelihood of the best one are kept and used for predictions."""
     seed: int = Field(ge=0, lt=2**31)
     """Seed of the spread of points and of the runs."""
     full: Form
+    """How much is run."""
     quick: Form
+    """How much is run with `--quick`."""
     success: list[Criterion] = Field(min_length=1)
+    """What has to hold for the inference to succeed."""
     limits: list[str] = Field(default_factory=list)
     """What the inference cannot show, and why."""
 

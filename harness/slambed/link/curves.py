@@ -102,10 +102,15 @@ class Ramp(BaseModel):
     kind: ClassVar[str] = "ramp"
 
     from_ms: float = 0.0
+    """Value before and after."""
     to_ms: float
+    """Value of the plateau."""
     start_s: float = Field(default=0.0, ge=0)
+    """When the rise begins."""
     rise_s: float = Field(gt=0)
+    """Length of the rise."""
     hold_s: float = Field(default=0.0, ge=0)
+    """Length of the plateau."""
     fall_s: float = Field(default=0.0, ge=0)
     """0 stays at `to_ms`."""
 
@@ -131,9 +136,13 @@ class Sine(BaseModel):
     kind: ClassVar[str] = "sine"
 
     mean_ms: float = 0.0
+    """Mean of the wave."""
     amplitude_ms: float
+    """Amplitude of the wave."""
     period_s: float = Field(gt=0)
+    """Period of the wave."""
     phase_deg: float = 0.0
+    """Phase at run time 0."""
 
     def at(self, t: Times) -> Times:
         angle = 2 * np.pi * np.maximum(t, 0.0) / self.period_s + np.radians(self.phase_deg)
@@ -170,6 +179,7 @@ class _Wrapped(BaseModel):
     )
 
     of: Any
+    """The curve that is changed."""
 
 
 class Clamp(_Wrapped):
@@ -178,7 +188,9 @@ class Clamp(_Wrapped):
     kind: ClassVar[str] = "clamp"
 
     min_ms: float = 0.0
+    """Lowest value."""
     max_ms: float | None = None
+    """Highest value; null: no bound."""
 
     @model_validator(mode="after")
     def _ordered(self) -> "Clamp":
@@ -201,6 +213,7 @@ class Scale(_Wrapped):
     kind: ClassVar[str] = "scale"
 
     factor: float = Field(ge=0)
+    """What every value is multiplied by."""
 
     def at(self, t: Times) -> Times:
         scaled: Times = self.factor * self.of.at(t)
@@ -217,6 +230,7 @@ class Delayed(_Wrapped):
     kind: ClassVar[str] = "delayed"
 
     by_s: float = Field(ge=0)
+    """Seconds by which it begins later."""
 
     def at(self, t: Times) -> Times:
         later: Times = self.of.at(np.maximum(t - self.by_s, 0.0))
@@ -233,6 +247,7 @@ class Repeat(_Wrapped):
     kind: ClassVar[str] = "repeat"
 
     period_s: float = Field(gt=0)
+    """Length of the part that repeats."""
 
     def at(self, t: Times) -> Times:
         again: Times = self.of.at(np.mod(np.maximum(t, 0.0), self.period_s))

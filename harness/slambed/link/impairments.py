@@ -17,6 +17,7 @@ class Jitter(BaseModel):
     model_config = STRICT
 
     shape: Literal["normal", "pareto"] = "normal"
+    """Distribution of the extra delay."""
     sd_ms: float | None = Field(default=None, gt=0)
     """normal: standard deviation; the mean is 0, and the total delay never drops below 0."""
     mean_ms: float | None = Field(default=None, gt=0)
@@ -24,6 +25,7 @@ class Jitter(BaseModel):
     tail: float = Field(default=3.0, gt=1, le=100)
     """pareto: tail index; a smaller index means a heavier tail."""
     max_ms: float | None = Field(default=None, gt=0)
+    """Largest extra delay; null: no bound."""
     correlation: float = Field(default=0.0, ge=0, lt=1)
     """Correlation between successive packets."""
     correlation_s: float | None = Field(default=None, gt=0)
@@ -70,8 +72,11 @@ class GilbertElliott(BaseModel):
     to_bad: float | None = Field(default=None, ge=0, le=1)
     """Transition probability from good to bad, per packet."""
     to_good: float | None = Field(default=None, ge=0, le=1)
+    """Bad to good, per packet."""
     loss_good: float = Field(default=0.0, ge=0, le=1)
+    """Share of packets lost in the good state."""
     loss_bad: float = Field(default=1.0, ge=0, le=1)
+    """Share of packets lost in the bad state."""
 
     @model_validator(mode="after")
     def _one_chain(self) -> "GilbertElliott":
@@ -100,6 +105,7 @@ class PacketLoss(BaseModel):
     random: float | None = Field(default=None, ge=0, le=1)
     """Loss probability of each packet, independent of the others."""
     gilbert_elliott: GilbertElliott | None = None
+    """Bursts of loss."""
 
     @model_validator(mode="after")
     def _one(self) -> "PacketLoss":
@@ -128,8 +134,9 @@ class Bandwidth(BaseModel):
     model_config = STRICT
 
     mbps: float | None = Field(default=None, ge=0.001, le=100_000)
+    """Constant rate in Mbit/s."""
     trace: str | None = None
-    """Mahimahi file; repeats from its start when it ends."""
+    """Path of a Mahimahi file; it repeats from its start when it ends."""
     queue_bytes: int | None = Field(default=None, ge=3000)
     """Default: what the mean rate carries in 200 ms, at least 64 KiB."""
 
@@ -146,7 +153,9 @@ class Gap(BaseModel):
     model_config = STRICT
 
     start_s: float = Field(ge=0)
+    """Run time at which it begins."""
     length_s: float = Field(gt=0)
+    """How long nothing arrives."""
     every_s: float | None = Field(default=None, gt=0)
     """Repeats the outage with this period."""
 

@@ -16,7 +16,7 @@ SERIES = [
     "drops_up", "drops_down", "queue_bytes_up", "queue_bytes_down",
     "lost_up", "lost_down",
 ]  # fmt: skip
-"""Series of link.parquet (docs/formats.md, "Link log")."""
+"""Series of link.parquet (docs/reference/samples.md)."""
 ASKED_STEP_S = 0.1
 
 

@@ -31,24 +31,29 @@ class TraceFile(BaseModel):
     file: str
     """Path: absolute, or relative to the profile's folder, netem_profiles/ or a data folder."""
     sha256: str | None = None
+    """Digest of the file; another content is an error."""
     format: Literal["columns", "ping"] = "columns"
     """`columns`: a header line, then comma- or whitespace-separated numbers; `ping`: output of
     ping."""
     time: str = "time_s"
     """Name of the time column."""
     time_unit: Literal["s", "ms", "us", "ns"] = "s"
+    """Unit of the time column."""
     rtt: str = "rtt_ms"
     """Name of the RTT column."""
     rtt_unit: Literal["s", "ms", "us", "ns"] = "ms"
+    """Unit of the RTT column."""
     ping_interval_s: float = Field(default=1.0, gt=0)
     """Time between two requests; ignored for a log with the timestamps of `-D`."""
     start_s: float = Field(default=0.0, ge=0)
     """Offset into the recording that becomes run time 0."""
     length_s: float | None = Field(default=None, gt=0)
+    """How much of the recording is used; null: all."""
     max_gap_s: float | None = Field(default=None, gt=0)
     """A longer gap in the recording is an error because interpolation would invent values.
     Default 1 s; for a ping log at least 2.5 intervals, so that one reply may be lost."""
     hold: bool = False
+    """True: each value holds until the next one; false: straight lines between."""
 
 
 def find_trace(name: str, near: Path | None) -> Path:

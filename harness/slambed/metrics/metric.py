@@ -41,7 +41,7 @@ class Metric:
 
     key: str
     doc: str
-    """Meaning, for docs/formats.md."""
+    """Meaning, for docs/reference/summary.md."""
     function: Function | None = field(default=None, compare=False)
     """Computes the value for a run, None if it cannot be measured. Keys that judge the run
     (`valid`) have no function."""

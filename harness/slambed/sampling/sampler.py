@@ -75,7 +75,7 @@ def host_steal_s() -> float | None:
 
 
 class Sampler:
-    """Writes one line per node and sample (docs/formats.md, "Samples")."""
+    """Writes one line per node and sample (docs/reference/samples.md)."""
 
     def __init__(self, nodes: list[NodeWatch], out: TextIO) -> None:
         self._nodes = nodes

@@ -20,7 +20,11 @@ class Described(GenerateJsonSchema):
         """Returns the schema of one model with descriptions."""
         found = super().model_schema(schema)
         model: type = schema["cls"]
-        for name, text in docstrings(model).items():
+        bases = [
+            b for b in reversed(model.__mro__) if b is not BaseModel and issubclass(b, BaseModel)
+        ]
+        meanings = {name: text for base in bases for name, text in docstrings(base).items()}
+        for name, text in meanings.items():
             if (field := found.get("properties", {}).get(name)) is not None:
                 field.setdefault("description", text)
         return found

@@ -12,10 +12,19 @@ from slambed.schema.described import Schema, definitions_of
 PARAMETER: Schema = {"type": "string", "pattern": r"^\$[A-Za-z_]"}
 CURVE: Schema = {"$ref": "#/$defs/Curve"}
 TEXT: Schema = {"type": "string"}
+SIDE_MEANINGS = {
+    "jitter": "extra delay per packet, of both directions",
+    "loss": "packets dropped at random, of both directions",
+    "rate": "bottleneck of each direction",
+}
 
 
 def _ref(name: str) -> Schema:
     return {"$ref": f"#/$defs/{name}"}
+
+
+def _means(description: str, schema: Schema) -> Schema:
+    return {**schema, "description": description}
 
 
 def _or_null(schema: Schema) -> Schema:
@@ -43,7 +52,8 @@ def _curve(definitions: dict[str, Schema]) -> Schema:
     for kind, model in curves.LISTS.items():
         kinds[kind] = definitions[model.__name__]["properties"]["points"]
     for kind, model in curves.WRAPPERS.items():
-        definitions[model.__name__]["properties"]["of"] = CURVE
+        changed = definitions[model.__name__]["properties"]
+        changed["of"] = _means(changed["of"]["description"], CURVE)
         kinds[kind] = _ref(model.__name__)
     mapping = {
         "type": "object", "properties": kinds, "additionalProperties": False,
@@ -66,24 +76,42 @@ def profile_definitions() -> dict[str, Schema]:
         "type": "object", "properties": {"up": CURVE, "down": CURVE},
         "required": ["up", "down"], "additionalProperties": False,
     }  # fmt: skip
+    number_or_null = _or_null(with_parameters({"type": "number", "minimum": 0}))
+    share = with_parameters({"type": "number", "minimum": 0, "maximum": 1})
     definitions["Profile"] = {
         "type": "object",
         "additionalProperties": False,
         "properties": {
-            "name": TEXT,
-            "description": TEXT,
-            "source": {**TEXT, "description": "where its numbers come from"},
-            "params": {"type": "object", "additionalProperties": {"type": "number"}},
-            "duration_s": _or_null(with_parameters({"type": "number", "minimum": 0})),
-            "rtt_ms": CURVE,
-            "one_way_ms": ways,
-            "up_share": with_parameters({"type": "number", "minimum": 0, "maximum": 1}),
-            **sides,
-            "up": side,
-            "down": side,
-            "gaps": _or_null({"type": "array", "items": _ref("Gap")}),
-            "gap_mode": {"enum": ["hold", "drop"]},
-            "rate_sha256": {"type": "object", "additionalProperties": TEXT},
+            "name": _means("name of the profile, as of the file", TEXT),
+            "description": _means("one line for lists and reports", TEXT),
+            "source": _means("where its numbers come from", TEXT),
+            "params": _means(
+                "name -> number; `$name` stands for it wherever a number is asked for",
+                {"type": "object", "additionalProperties": {"type": "number"}},
+            ),
+            "duration_s": _means(
+                "run time after which nothing changes; not given: as the curves say",
+                number_or_null,
+            ),
+            "rtt_ms": _means("RTT over run time; or give `one_way_ms`", CURVE),
+            "one_way_ms": _means("delay of each direction over run time", ways),
+            "up_share": _means(
+                "share of `rtt_ms` on the way from mobile to edge; not given: 0.5", share
+            ),
+            **{kind: _means(SIDE_MEANINGS[kind], schema) for kind, schema in sides.items()},
+            "up": _means("mobile to edge: jitter, loss and rate of its own", side),
+            "down": _means("edge to mobile: jitter, loss and rate of its own", side),
+            "gaps": _means(
+                "outages of both directions", _or_null({"type": "array", "items": _ref("Gap")})
+            ),
+            "gap_mode": _means(
+                "`hold` delays what comes in a gap to its end, `drop` loses it; not given: `hold`",
+                {"enum": ["hold", "drop"]},
+            ),
+            "rate_sha256": _means(
+                "name of a Mahimahi file -> its digest; another content is an error",
+                {"type": "object", "additionalProperties": TEXT},
+            ),
         },
         "oneOf": [{"required": ["rtt_ms"]}, {"required": ["one_way_ms"]}],
         "dependentRequired": {"up_share": ["rtt_ms"]},

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Files with one block of bytes per frame of a sequence (docs/formats.md)."""
+"""Files with one block of bytes per frame of a sequence (docs/reference/sequence.md)."""
 
 from __future__ import annotations
 

@@ -55,6 +55,7 @@ class Board(BaseModel):
     model_config = STRICT
 
     cores: int = Field(ge=1, le=1024)
+    """Cores of the board."""
     core_speed: float = Field(gt=0)
     """Speed of one core; 1 is a core of the reference host (docs/explanation/limits.md)."""
 
@@ -65,8 +66,11 @@ class StageCost(BaseModel):
     model_config = STRICT
 
     a_us: float = Field(default=0.0, ge=0)
+    """Fixed part, in microseconds."""
     b_us: float = Field(default=0.0, ge=0)
+    """Microseconds for each unit of n1."""
     c_us: float = Field(default=0.0, ge=0)
+    """Microseconds for each unit of n2."""
     jitter: float = Field(default=0.0, ge=0, le=3)
     """Standard deviation of the logarithm of the cost's random factor, whose median is 1."""
     accelerator: str | None = None
@@ -96,12 +100,15 @@ class CostModel(BaseModel):
     model_config = STRICT
 
     cores: int = Field(ge=1, le=1024)
+    """Cores that stages share."""
     speed: float = Field(default=1.0, gt=0)
     """Every cost is divided by it: 2 is a device twice as fast."""
     background: float = Field(default=0.0, ge=0, le=1024)
     """Cores kept busy by work outside the system, such as drivers, a player or a viewer."""
     stages: Annotated[dict[str, StageCost], in_keys(STAGES)]
+    """Stage -> what one execution costs."""
     accelerators: dict[str, Accelerator] = Field(default_factory=dict)
+    """Name -> what computes beside the cores."""
 
     @model_validator(mode="after")
     def _accelerators_are_there(self) -> "CostModel":
@@ -128,8 +135,11 @@ class Device(BaseModel):
     model_config = STRICT
 
     name: str
+    """Name of the device, as of the file."""
     title: str
+    """One line for lists and reports."""
     limits: Limits
+    """What a live node is limited to."""
     board: Board | None = None
     """Null when all limits are in `limits`, as shares of whichever host executes the run."""
     model: CostModel | None = None
@@ -215,8 +225,11 @@ class DeviceChange(BaseModel):
     model_config = STRICT
 
     device: str
+    """Name of the device that is changed."""
     name: str = Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9_.-]*$")
+    """What tables call the changed device."""
     cores: int | None = Field(default=None, ge=1, le=1024)
+    """Another number of cores."""
     speed: float | None = Field(default=None, gt=0)
     """Relative to the speed in the device's file."""
     jitter: dict[str, Annotated[float, Field(ge=0, le=3)]] = Field(default_factory=dict)

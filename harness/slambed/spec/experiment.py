@@ -25,7 +25,7 @@ DEVICE_PACE: Pace = "device"
 
 
 class Playback(BaseModel):
-    """How frames are offered to tracking (docs/formats.md, "Run configuration")."""
+    """How frames are offered to tracking."""
 
     model_config = STRICT
 
@@ -65,7 +65,9 @@ class DeviceChoice(BaseModel):
     model_config = STRICT
 
     mobile: str | DeviceChange = "host"
+    """Device of the mobile node."""
     edge: str | DeviceChange = "host"
+    """Device of the edge."""
 
 
 class OwnDevices(BaseModel):
@@ -74,7 +76,9 @@ class OwnDevices(BaseModel):
     model_config = STRICT
 
     mobile: str | DeviceChange | None = None
+    """Device of the mobile node."""
     edge: str | DeviceChange | None = None
+    """Device of the edge."""
 
 
 Faults = Annotated[list[Fault], AfterValidator(check_faults)]
@@ -86,8 +90,11 @@ class SystemChoice(BaseModel):
     model_config = STRICT
 
     system: str
+    """Name of a system, or path of its YAML file as seen from the experiment."""
     variant: str | None = None
+    """Variant of the system; null: the first one."""
     params: dict[str, Scalar] = Field(default_factory=dict)
+    """Parameter -> value, instead of the variant's."""
     label: str | None = Field(default=None, pattern=r"^[^/\n]+$")
     """Name of this row in tables; `system` or `system:variant` when not given."""
     profiles: list[str] | None = None
@@ -104,6 +111,8 @@ class LinkChoice(BaseModel):
     model_config = STRICT
 
     backend: Literal["auto", "relay", "netem"] = "auto"
+    """What shapes a live link; `auto`: netem where the kernel has it and it can do the profile,
+    else the relay."""
     profiles: list[str | float | dict[str, Any]] = Field(min_length=1)
     """Names of netem_profiles/*.yaml, constant RTTs in ms, or inline profiles."""
 
@@ -114,6 +123,7 @@ class Runs(BaseModel):
     model_config = STRICT
 
     default: int = Field(default=3, ge=1)
+    """As many as are made without `--runs`."""
     paper: int | None = Field(default=None, ge=1)
     """The number of runs in the paper; selected with `--runs paper`."""
 
@@ -141,7 +151,9 @@ class Report(BaseModel):
     model_config = STRICT
 
     metrics: list[str] = Field(default_factory=list)
+    """Keys of summary.json in the first table."""
     plots: list[str] = Field(default_factory=list)
+    """Keys of summary.json that are drawn first."""
 
 
 class Experiment(BaseModel):
@@ -150,30 +162,44 @@ class Experiment(BaseModel):
     model_config = STRICT
 
     id: str = Field(pattern=NAME)
+    """Name of the experiment, as of the file."""
     title: str
+    """Heading of the report."""
     reproduces: list[str] = Field(default_factory=list)
+    """Ids of papers, tables, figures and claims that the report compares the runs with."""
     systems: list[SystemChoice] = Field(min_length=1)
+    """What is compared."""
     datasets: list[str] = Field(min_length=1)
+    """Names of datasets, or paths of their YAML files as seen from the experiment."""
     missing_datasets: Literal["refuse", "skip"] = "refuse"
     """Whether a dataset that is not on this machine is an error or is skipped."""
     playback: Playback = Field(default_factory=Playback)
+    """How frames are offered to tracking."""
     faults: Faults = Field(default_factory=list)
     """Faults injected into every run of a system with an edge."""
     link: LinkChoice | None = None
+    """Link between the nodes; null: no system has an edge."""
     devices: DeviceChoice = Field(default_factory=DeviceChoice)
+    """What the nodes run on."""
     roles: Roles | None = None
     """Nodes on another machine: a mobile node on a real board that reaches the edge on this
     machine over the real network (docs/hosts.md)."""
     engine: Literal["auto", "docker", "local", "virtual"] = "auto"
+    """What executes the runs; `auto`: Docker where its daemon answers, else `local`."""
     pace: Pace = HOST_PACE
     """For live runs: a stage takes the time that this host needs (`host`) or that the device's cost
     model charges (`device`; docs/explanation/limits.md). Virtual runs always use the device's
     pace."""
     runs: Runs = Field(default_factory=Runs)
+    """Repetitions of every cell."""
     seed: int = Field(default=1, ge=0, lt=2**31)
+    """Repetition k of every cell has the same seed, which follows from this one."""
     tolerances: Tolerances = Field(default_factory=Tolerances)
+    """Outside of which a run is invalid."""
     report: Report = Field(default_factory=Report)
+    """What the report shows first."""
     notes: str = ""
+    """What a reader must know."""
 
     @field_validator("datasets")
     @classmethod

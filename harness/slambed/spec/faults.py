@@ -20,12 +20,14 @@ class Fault(BaseModel):
     model_config = ConfigDict(extra="forbid", frozen=True, strict=True, allow_inf_nan=False)
 
     at_s: float = Field(ge=0)
+    """Run time at which it begins."""
     edge: EdgeFault | None = None
     """kill: SIGKILL. freeze: SIGSTOP, then SIGCONT after `for_s`; the kernel's TCP stack keeps
     running. restart: the killed program starts again in the same namespace and cgroups."""
     link: Literal["cut"] | None = None
     """All packets in both directions are dropped for `for_s`."""
     for_s: float | None = Field(default=None, gt=0)
+    """How long it lasts; of `freeze` and `cut` only, which need it."""
 
     @model_validator(mode="after")
     def _is_one(self) -> "Fault":

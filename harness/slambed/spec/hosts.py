@@ -29,6 +29,7 @@ class Host(BaseModel):
     slambed: str = Field(default="slambed", min_length=1)
     """Folder of the checkout on that host, with its `.venv`; relative to the home folder."""
     engine: Literal["docker", "local"] = "docker"
+    """What executes the runs there."""
     cores: int | None = Field(default=None, ge=1, le=1024)
     """Number of CPUs that runs may use on that host, the first available ones; null = all."""
     labels: list[Name] = Field(default_factory=list)
@@ -50,6 +51,7 @@ class Hosts(BaseModel):
     model_config = STRICT
 
     hosts: list[Host] = Field(min_length=1)
+    """The machines."""
 
 
 def read_hosts(path: Path, on: list[str] | None = None, engine: str | None = None) -> list[Host]:

@@ -39,13 +39,24 @@ class InputRecipe(BaseModel):
     model_config = STRICT
 
     id: str = Field(pattern=NAME)
+    """Name of the input, as of the file."""
     title: str
+    """One line for lists."""
     system: str
+    """System whose run makes it."""
     variant: str | None = None
+    """Variant of the system; null: the first one."""
     params: dict[str, Scalar] = Field(default_factory=dict)
+    """Parameter -> value, instead of the variant's."""
     dataset: str
+    """Sequence that is played."""
     playback: Playback = Field(default_factory=lambda: Playback(mode="every_frame"))
+    """How its frames are offered."""
     device: str = "host"
+    """Device of the mobile node."""
     seed: int = Field(default=1, ge=0, lt=2**31)
+    """Seed of the run."""
     yields: Literal["map", "live_path"]
+    """What of the run is kept: its map, or the live path."""
     must: Conditions = Field(default_factory=Conditions)
+    """What must hold of the run."""

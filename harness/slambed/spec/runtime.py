@@ -48,6 +48,7 @@ class RoleRuntime(BaseModel):
     image: str = ""
     """Engine docker: image of this role; replaces the common one."""
     env: dict[str, str] = Field(default_factory=dict)
+    """Name -> value of environment variables."""
     tmpfs: dict[str, int] = Field(default_factory=dict)
     """Engine docker: path of a writable tmpfs -> its size in MB."""
     user: str = ""
@@ -78,7 +79,9 @@ class Runtime(BaseModel):
     trajectory_format: Literal["tum", "kitti"] = "tum"
     """tum: `time tx ty tz qx qy qz qw`; kitti: 12 numbers per frame, camera to world."""
     mobile: RoleRuntime
+    """Program of the mobile node."""
     edge: RoleRuntime | None = None
+    """Program of the edge; given exactly where `roles` has one."""
 
     @model_validator(mode="after")
     def _has_one_way_to_its_frames(self) -> "Runtime":

@@ -17,6 +17,7 @@ class OwnStage(BaseModel):
     model_config = ConfigDict(extra="forbid", frozen=True, strict=True, allow_inf_nan=False)
 
     doc: str
+    """What is done in the stage."""
     cost_as: str
     """A stage of the device files, or another stage of this system."""
     factor: float = Field(default=1.0, gt=0, le=1e6)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""systems/<name>/system.yaml: roles, channels and parameters of a system (docs/systems.md)."""
+"""systems/<name>/system.yaml: roles, channels, parameters (docs/reference/system.md)."""
 
 from collections.abc import Mapping
 from typing import Literal
@@ -33,12 +33,19 @@ class Parameter(BaseModel):
     role: Role | None = None
     """For a path: the only node that receives the file; both if not given."""
     default: Scalar
+    """Value where neither variant nor experiment gives one."""
     min: int | float | None = None
+    """Smallest value, itself allowed; of numbers only."""
     max: int | float | None = None
+    """Largest value, itself allowed; of numbers only."""
     choices: list[Scalar] | None = None
+    """All values that are allowed."""
     unit: str = ""
+    """Unit of the value, for tables."""
     source: str = ""
+    """Where the value comes from."""
     doc: str = ""
+    """What it does."""
 
     @model_validator(mode="after")
     def _default_is_legal(self) -> "Parameter":
@@ -74,6 +81,7 @@ class OwnMetric(BaseModel):
     model_config = STRICT
 
     doc: str
+    """What it measures."""
     event: str
     """Type of the events that it is computed from."""
     take: Literal["count", "seconds", "sum", "mean", "median", "p95", "min", "max", "last", "rate"]
@@ -82,20 +90,29 @@ class OwnMetric(BaseModel):
     field: str = ""
     """Field of the event; empty for `count` and `seconds`."""
     node: Role | None = None
+    """Node whose events count; null: both."""
     where: dict[str, Scalar | list[Scalar]] = Field(default_factory=dict)
     """Uses only events whose fields have this value (or one of these values) ..."""
     unless: dict[str, Scalar | list[Scalar]] = Field(default_factory=dict)
     """... and excludes events with these values."""
     label: str = ""
+    """Name in tables and figures; empty: the key in words."""
     unit: str = ""
+    """Unit of the stored value."""
     shown: str = ""
     """Unit in tables and figures; the stored value is multiplied by `scale`."""
     scale: float = 1.0
+    """What the stored value is multiplied by for tables."""
     digits: int = Field(default=1, ge=0, le=9)
+    """Decimals in tables."""
     better: Literal["lower", "higher", "neither"] = "neither"
+    """Which direction is better."""
     relevant_share: float = Field(default=0.10, ge=0)
+    """Smallest change of the median, as a share, that the gate reports."""
     relevant_step: float = Field(default=0.0, ge=0)
+    """Smallest change of the median, in the stored unit, that the gate reports."""
     gated: bool = False
+    """Whether the regression gate judges it."""
 
     @model_validator(mode="after")
     def _takes_what_is_there(self) -> "OwnMetric":
@@ -110,8 +127,11 @@ class Variant(BaseModel):
     model_config = STRICT
 
     title: str = ""
+    """One line for lists."""
     doc: str = ""
+    """What a reader must know."""
     params: dict[str, Scalar] = Field(default_factory=dict)
+    """Parameter -> value, instead of its default."""
 
 
 class System(BaseModel):
@@ -120,12 +140,19 @@ class System(BaseModel):
     model_config = STRICT
 
     name: str
+    """Name of the system, as of its folder."""
     title: str
+    """Name in tables and figures."""
     roles: list[Role]
+    """`[mobile]`, or `[mobile, edge]`."""
     channels: list[str] = Field(default_factory=list)
+    """Names of the TCP channels between the nodes; a system on slambed's modules has `control`."""
     sensors: list[Literal["rgbd", "stereo", "mono"]] = ["rgbd"]
+    """Sequences that it can play."""
     params: dict[str, Parameter] = Field(default_factory=dict)
+    """Name -> parameter that an experiment can set."""
     variants: dict[str, Variant] = Field(default_factory=dict)
+    """Name -> defaults of that variant; the first one is taken where none is named."""
     metrics: dict[str, OwnMetric] = Field(default_factory=dict)
     """The system's own metrics, by their key in summary.json."""
     stages: dict[str, OwnStage] = Field(default_factory=dict)
@@ -133,6 +160,7 @@ class System(BaseModel):
     runtime: Runtime | None = None
     """How the system's own program is started; null for a system built into slambed-node."""
     doc: str = ""
+    """What a reader of the file must know."""
 
     @model_validator(mode="after")
     def _is_consistent(self) -> "System":

@@ -6,7 +6,7 @@
 
 namespace slambed {
 
-/// Exit codes of every slambed program (docs/formats.md, "Exit codes").
+/// Exit codes of every slambed program (docs/reference/exit-codes.md).
 enum class ExitCode : int {
   kOk = 0,
   kBadInput = 2,     ///< a file, option or value is wrong; the user can fix it

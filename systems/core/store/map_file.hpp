@@ -23,7 +23,8 @@ struct StoredMap {
   std::shared_ptr<Map> map;
 };
 
-/// Map files (docs/formats.md): header, checksum, and the whole map as one delta in its wire form.
+/// Map files (docs/reference/sequence.md): header, checksum, and the whole map as one delta in its
+/// wire form.
 wire::Bytes encode_map(const Map& map, const MapInfo& info);
 /// Throws Error(kBadInput), which names source, for anything but a whole, consistent map.
 StoredMap decode_map(std::span<const std::uint8_t> bytes, const std::string& source);

@@ -21,11 +21,15 @@ class Configured(Strict):
     profile or a dataset."""
 
     system: str | None = None
+    """A system whose parameter has the value."""
     variant: str | None = None
+    """Variant of that system."""
     param: str | None = None
     """Parameter of that system (systems/<system>/system.yaml), with the variant's value."""
     profile: str | None = None
+    """A link profile whose file has the value."""
     dataset: str | None = None
+    """A dataset whose file has the value."""
     key: str | None = None
     """Dotted path in netem_profiles/<profile>.yaml or catalog/datasets/<dataset>.yaml."""
     scale: float = 1.0
@@ -47,14 +51,23 @@ class Claim(Comparability):
     """A sentence of the paper that states a number or an ordering."""
 
     id: str
+    """Name, unique in the paper."""
     kind: Literal["result", "setup", "parameter", "background", "qualitative"]
+    """What the sentence is about."""
     metric: str
+    """Key of `metrics`."""
     system: str | None
+    """Key of `systems`; null: none in particular."""
     conditions: dict[str, Any]
+    """Condition -> value, where it holds."""
     op: Operator | None
+    """How the sentence states the value: exactly, about, as a bound, as a set or as a range."""
     value: Number | str | list[Number] | None
+    """The printed value."""
     unit: str | None
+    """Its unit."""
     where: str
+    """Place in the paper."""
     lines: list[int] = Field(default_factory=list)
     """Lines of the paper's plain text with the statement."""
     recomputed: Number | None = None
@@ -64,6 +77,7 @@ class Claim(Comparability):
     configured: Configured | None = None
     """Where the lint must find the same value in our configuration."""
     note: str = ""
+    """What a reader must know."""
 
     @model_validator(mode="after")
     def _value_fits_operator(self) -> "Claim":

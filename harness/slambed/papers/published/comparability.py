@@ -12,6 +12,7 @@ class Erratum(Strict):
     """A place where the paper contradicts itself. It takes exactly one of `judge_as` and `skip`."""
 
     why: str
+    """What contradicts what."""
     judge_as: Number | str | None = None
     """What is judged instead: a number, or the id of a cell or claim."""
     skip: bool = False
@@ -37,6 +38,7 @@ class Comparability(Strict):
     duplicate_of: str | None = None
     """Id of the cell or claim that is counted instead; this one shows its verdict."""
     erratum: Erratum | None = None
+    """Where the paper contradicts itself."""
     read_as: str | None = None
     """How we read it if the paper is ambiguous, in a sentence."""
 

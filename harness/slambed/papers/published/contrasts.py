@@ -21,7 +21,9 @@ class Contrast(Strict):
     """
 
     id: str
+    """Name, unique in the paper."""
     kind: ContrastKind
+    """Shape of the ordering."""
     cells: list[str] | list[list[str]] = Field(min_length=1)
     """Ids of cells, claims or points of figures: one chain, or (all_below, blocks) several.
 
@@ -31,6 +33,7 @@ class Contrast(Strict):
     direction: Direction
     """Direction of the value along each chain, in the given order."""
     where: str
+    """Place in the paper."""
     lines: list[int] = Field(default_factory=list)
     """Lines of the paper's plain text with the statement."""
     says: str
@@ -43,6 +46,7 @@ class Contrast(Strict):
     claims: list[str] = Field(default_factory=list)
     """Recorded claims that this ordering judges."""
     note: str = ""
+    """What a reader must know."""
 
     @property
     def chains(self) -> list[list[str]]:

@@ -12,7 +12,9 @@ class PaperSystem(Strict):
     """A system of the paper."""
 
     label: str
+    """Name of the system in the paper."""
     match: Match
+    """Key of a run -> values by which its runs are found."""
     not_built: str | None = None
     """Why there is no such system yet; `match` then tells how its runs will be found."""
 
@@ -21,7 +23,9 @@ class PaperDataset(Strict):
     """A sequence of the paper. A stand-in can show an ordering, but never a reproduction."""
 
     label: str
+    """Name of the sequence in the paper."""
     match: list[str]
+    """Datasets whose runs are runs on this sequence."""
     stand_in: list[str] = Field(default_factory=list)
     """Names in catalog/datasets/, best first; only runs of one of them are used."""
     played_s: float | None = Field(default=None, gt=0)
@@ -29,13 +33,16 @@ class PaperDataset(Strict):
     each_sequence_once: bool = False
     """True for several sequences: each contributes its own mean, whatever its number of runs."""
     note: str = ""
+    """What a reader must know."""
 
 
 class OtherReading(Strict):
     """Another metric of ours that fits the paper's definition equally well."""
 
     key: str
+    """Key of summary.json."""
     note: str
+    """What the other reading is."""
     excluded: bool = False
     """True if the paper's own numbers rule it out: it is shown, but does not prevent
     `reproduced`."""
@@ -53,10 +60,13 @@ class PaperMetric(Strict):
     reference: str | None = None
     """The paper's system whose runs on the same dataset are the reference path."""
     statistic: Literal["share", "mean", "median"]
+    """What is taken over the runs of a cell."""
     scale: float
     """Paper's unit = scale * our unit."""
     better: Literal["lower", "higher", "neither"]
+    """Which direction is better."""
     only_without_loss: bool = False
+    """Only runs that never lost track count."""
     needs_exposure: bool = False
     """True if it grows with the time played, so that runs of another length cannot be compared."""
     other_readings: list[OtherReading] = Field(default_factory=list)
@@ -65,6 +75,7 @@ class PaperMetric(Strict):
     read_as: str | None = None
     """How we read the paper's definition if it is ambiguous."""
     note: str = ""
+    """What a reader must know."""
 
 
 class Margin(Strict):

@@ -17,9 +17,13 @@ class Source(Strict):
     """Where the numbers were published."""
 
     title: str
+    """Title of the publication."""
     authors: list[str]
+    """In the printed order."""
     venue: str
+    """Where it was published."""
     year: int
+    """When it was published."""
 
     @property
     def published(self) -> str:
@@ -32,18 +36,31 @@ class Paper(Strict):
     """One file papers/<id>/paper.yaml."""
 
     id: str
+    """Name, as of the folder."""
     kind: Literal["paper", "peer"]
+    """`paper`: a publication; `peer`: another program, measured by us."""
     paper: Source
+    """The publication, or the other program."""
     systems: dict[str, PaperSystem] = Field(default_factory=dict)
+    """Name in this file -> a system of the paper."""
     datasets: dict[str, PaperDataset] = Field(default_factory=dict)
+    """Name in this file -> a sequence of the paper."""
     conditions: dict[str, Any] = Field(default_factory=dict)
+    """Condition -> how its values are found in our runs."""
     metrics: dict[str, PaperMetric] = Field(default_factory=dict)
+    """Name in this file -> a metric of the paper."""
     margins: dict[str, Margin] = Field(default_factory=dict)
+    """Metric -> how far from the printed value still reproduces it."""
     tables: list[PublishedTable] = Field(default_factory=list)
+    """Tables with their numbers."""
     figures: list[PublishedFigure] = Field(default_factory=list)
+    """Figures of data."""
     claims: list[Claim] = Field(default_factory=list)
+    """Sentences that state a number or an ordering."""
     contrasts: list[Contrast] = Field(default_factory=list)
+    """Orderings to be judged."""
     setups: dict[str, PeerSetup] = Field(default_factory=dict)
+    """Name -> one measurement of another program; of `kind: peer`."""
 
     def names(self) -> set[str]:
         """Returns the names that an experiment can reproduce: the paper, its tables, figures and

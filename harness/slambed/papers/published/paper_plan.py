@@ -39,7 +39,9 @@ class PlannedData(BaseModel):
     played: str
     """The sequence that is played if nothing beyond the repository is available."""
     stand_in: bool
+    """Whether it only stands in for the paper's sequence."""
     why: str
+    """Reason for the choice."""
 
 
 class PlannedRuns(BaseModel):
@@ -48,15 +50,18 @@ class PlannedRuns(BaseModel):
     model_config = STRICT
 
     experiment: str
+    """Name of the experiment."""
     runs: int = Field(ge=5)
     """Runs per cell. Fewer than five decide nothing."""
     seed: int
+    """Seed of its runs."""
     decides: list[str]
     """Ids of contrasts."""
     power: dict[str, float] = Field(default_factory=dict)
     """Maps a contrast to the chance that it holds with these runs if the paper's numbers are true;
     only for contrasts with printed numbers."""
     why: str = ""
+    """Reason for the number of runs."""
 
 
 class PlannedLater(BaseModel):
@@ -93,9 +98,13 @@ class PaperPlan(BaseModel):
     model_config = STRICT
 
     paper: str
+    """Folder in papers/."""
     written_utc: AwareDatetime
+    """When it was written; runs that began before are reported."""
     engine: Literal["virtual", "live"]
+    """What executes the runs."""
     devices: dict[Role, str]
+    """Role -> name of a device."""
     fits: list[str]
     """Files in catalog/devices/fits that these devices come from."""
     frozen: str
@@ -103,6 +112,7 @@ class PaperPlan(BaseModel):
     data: dict[str, PlannedData]
     """Maps a name in the paper to what is played."""
     runs: list[PlannedRuns] = Field(default_factory=list)
+    """Experiments, and what they decide."""
     later: list[PlannedLater] = Field(default_factory=list)
     """Contrasts that wait for a system; a later plan with runs for them must adopt these, and has
     its own digest."""

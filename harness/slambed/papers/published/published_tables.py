@@ -15,18 +15,26 @@ class Column(Strict):
     """A column of a published table."""
 
     label: str
+    """Heading in the paper."""
     unit: str | None = None
+    """Unit, where the column has its own."""
     dims: dict[str, Any]
+    """Condition, system or metric -> value of the whole column."""
 
 
 class Row(Comparability):
     """A row; a value is a number, or [number, printed spread]."""
 
     label: str
+    """Heading in the paper."""
     metric: str
+    """Key of `metrics`."""
     unit: str
+    """Unit of its values."""
     dims: dict[str, Any]
+    """Condition or system -> value of the whole row."""
     values: dict[str, Value]
+    """Column -> printed value."""
     metrics: dict[str, str] = Field(default_factory=dict)
     """Maps a column to the metric, if neither row nor column alone names it."""
     runs: dict[str, int] = Field(default_factory=dict)
@@ -39,17 +47,25 @@ class PublishedTable(Comparability):
     """One table of a paper; full coordinates of a value = conditions + column dims + row dims."""
 
     id: str
+    """Name, unique in the paper."""
     label: str
+    """Name in the paper."""
     where: str
+    """Place in the paper."""
     lines: list[int] = Field(default_factory=list)
     """Lines of the paper's plain text with the table."""
     caption: str
+    """What it shows."""
     conditions: dict[str, Any]
+    """Condition -> value of the whole table."""
     columns: dict[str, Column]
+    """Name -> a column."""
     rows: dict[str, Row]
+    """Name -> a row."""
     cells: dict[str, Comparability] = Field(default_factory=dict)
     """Maps `<row>.<column>` to the comparability of that cell alone."""
     notes: list[str] = Field(default_factory=list)
+    """What a reader must know."""
 
     @model_validator(mode="after")
     def _names_agree(self) -> "PublishedTable":
@@ -70,13 +86,19 @@ class Series(Strict):
     """
 
     label: str
+    """Name of the curve in the paper."""
     metric: str
+    """Key of `metrics`."""
     system: str
+    """Key of `systems`."""
     conditions: dict[str, Any] = Field(default_factory=dict)
+    """Condition -> value of the whole curve."""
     along: str
     """The condition that varies."""
     at: list[Number | str] = Field(min_length=1)
+    """Values of that condition."""
     values: list[Number | None] = Field(default_factory=list)
+    """Printed value of each point; null: not printed."""
     unmappable: str | None = None
     """Why no run of ours corresponds to these points."""
 
@@ -91,11 +113,16 @@ class PublishedFigure(Strict):
     """A data figure; no points were digitized."""
 
     id: str
+    """Name, unique in the paper."""
     label: str
+    """Name in the paper."""
     where: str
+    """Place in the paper."""
     shows: str
+    """What it shows, in one sentence."""
     stated: list[str]
     """Claims that state numbers of this figure in the text."""
     series: dict[str, Series] = Field(default_factory=dict)
+    """Name -> points of one of its curves."""
     unmappable: str | None = None
     """Why nothing of it is compared."""

@@ -16,8 +16,11 @@ class At(Strict):
     """Coordinates without a cell: a metric of a system under conditions."""
 
     metric: str
+    """Key of `metrics`."""
     system: str
+    """Key of `systems`."""
     conditions: dict[str, Any] = Field(default_factory=dict)
+    """Condition -> value."""
 
 
 Operand = str | At
@@ -28,8 +31,11 @@ class Ratio(Strict):
     """of / base."""
 
     kind: Literal["ratio"]
+    """Names the quantity."""
     of: Operand
+    """What is divided or subtracted from."""
     base: Operand
+    """What it is compared with."""
 
     def operands(self) -> list[Operand]:
         """Returns what it is computed from."""
@@ -40,18 +46,21 @@ class Reduction(Ratio):
     """1 - of / base, in percent, for something that should be small."""
 
     kind: Literal["reduction"]  # type: ignore[assignment]
+    """Names the quantity."""
 
 
 class Difference(Ratio):
     """of - base, in the metric's unit."""
 
     kind: Literal["difference"]  # type: ignore[assignment]
+    """Names the quantity."""
 
 
 class Increase(Ratio):
     """of / base - 1, in percent."""
 
     kind: Literal["increase"]  # type: ignore[assignment]
+    """Names the quantity."""
 
 
 class MaxOver(Strict):
@@ -59,10 +68,12 @@ class MaxOver(Strict):
     reductions (in percent), or all are differences (in the cells' unit)."""
 
     kind: Literal["max_over"]
+    """Names the quantity."""
     over: (
         Annotated[list[Reduction], Field(min_length=1)]
         | Annotated[list[Difference], Field(min_length=1)]
     )
+    """Reductions, or differences, of which the largest counts."""
 
     def operands(self) -> list[Operand]:
         """Returns what it is computed from."""
@@ -73,7 +84,9 @@ class Each(Strict):
     """One number that is stated for each of several cells, in the metric's unit."""
 
     kind: Literal["each"]
+    """Names the quantity."""
     of: Annotated[list[Operand], Field(min_length=2)]
+    """The cells."""
 
     def operands(self) -> list[Operand]:
         """Returns the cells that it is stated for."""
@@ -85,10 +98,15 @@ class WindowShare(Strict):
     with such a loss; in percent."""
 
     kind: Literal["window_share"]
+    """Names the quantity."""
     of: Operand
+    """The cell whose runs are looked at."""
     from_s: float = Field(ge=0)
+    """Sequence time at which the window begins."""
     to_s: float = Field(gt=0)
+    """Sequence time at which the window ends."""
     per: Literal["losses", "runs"] = "losses"
+    """What the share is of."""
 
     @model_validator(mode="after")
     def _window(self) -> "WindowShare":
@@ -105,8 +123,11 @@ class Trend(Strict):
     """A value that rises or falls along cells in the given order."""
 
     kind: Literal["trend"]
+    """Names the quantity."""
     cells: Annotated[list[Operand], Field(min_length=3)]
+    """The cells in their order."""
     direction: Direction
+    """What the paper says of them."""
 
     def operands(self) -> list[Operand]:
         """Returns what it is computed from."""

@@ -1,6 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* The client of slambed-play for systems in C or C++ (docs/systems.md, "Systems that run by
- * themselves").
+/* The client of slambed-play for systems in C or C++ (docs/reference/system.md).
  *
  *   slambed_client client;
  *   if (slambed_open(&client) != 0) return 1;          // prints why
