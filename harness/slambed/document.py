@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Generates the tables of docs/ from the metrics, records, CMake and imports, and the C++ parameter
-header of each system from its system.yaml.
+"""Generates the tables of docs/ from commands, schemas, records, metrics, CMake and imports, and
+the C++ parameter header of each system from its system.yaml.
 
-    python -m slambed.document
+python -m slambed.document
 
 In docs/ each table lies between two comments; a test fails when a table or header is out of date.
 """
@@ -26,14 +26,43 @@ from slambed.spec.parameter_header import HEADER, parameter_header
 COMMAND = "python -m slambed.document"
 TABLES = {
     "explanation/architecture.md": ("libraries", "packages"),
-    "formats.md": ("run", "sim", "relay", "lines", "samples", "summary", "own", "manifest"),
     "reference/metrics.md": ("gate",),
+    "reference/command-line.md": ("verbs",),
+    "reference/dataset.md": ("keys dataset", "datasets"),
+    "reference/device.md": ("keys device", "keys device-fit", "devices"),
+    "reference/experiment.md": ("keys experiment",),
+    "reference/hosts.md": ("keys hosts",),
+    "reference/input.md": ("keys input", "inputs"),
+    "reference/make.md": ("make",),
+    "reference/manifest.md": ("manifest",),
+    "reference/messages.md": ("lines",),
+    "reference/network.md": ("keys network", "networks"),
+    "reference/paper.md": ("keys paper", "keys plan", "keys inference"),
+    "reference/profile.md": ("keys profile", "curves", "profiles"),
+    "reference/run-folder.md": ("run", "sim", "relay"),
+    "reference/samples.md": ("samples",),
+    "reference/summary.md": ("summary", "own"),
+    "reference/system.md": ("keys system",),
 }
 """Maps a page of docs/ to its tables."""
 UNNAMED = ("apps", "core")
 """Top folders of systems/ that are left out of a label because they only group other folders."""
 EVERY_SYSTEM = "registry"
-"""The layer that links all systems; CMake finds its dependencies itself."""
+"""The library that links all systems; CMake finds its dependencies itself."""
+KEYS = "keys "
+"""Prefix of the names of tables of a kind of YAML file."""
+CATALOGS = {
+    "datasets": ("catalog/datasets", "id", ("title",)),
+    "devices": ("catalog/devices", "name", ("title", "hardware")),
+    "inputs": ("catalog/inputs", "id", ("yields", "dataset", "title")),
+    "networks": ("catalog/networks", "id", ("license", "title")),
+    "profiles": ("netem_profiles", "name", ("description", "source")),
+}
+"""Maps a table to its folder, the key that names a file, and the keys that are shown."""
+ORIGINS = {"first_of": "first of", "window_of": "part of", "reader": "", "synthetic": "generated"}
+"""Maps a dataset's key for its origin to the words before its value."""
+TARGET = re.compile(r"^([a-z-]+):.*?## (.*)$", re.MULTILINE)
+"""A target of the Makefile, as `make help` finds it."""
 
 
 def table(name: str) -> str:
@@ -67,7 +96,7 @@ def _catalog(folder: str, name: str, shown: tuple[str, ...]) -> str:
 
 
 def _origin(content: dict[str, Any]) -> list[str]:
-    """Of a dataset; nothing of anything else."""
+    """Describes the origin of a dataset; empty for other files."""
     for key, words in ORIGINS.items():
         if value := content.get(key):
             names = value if isinstance(value, list) else [value]

@@ -45,7 +45,7 @@ def lists_alone(app: typer.Typer, listing: Callable[[bool], None]) -> None:
 
 
 def print_json(value: object) -> None:
-    """Prints one JSON document, as every `--json` does (docs/formats.md)."""
+    """Prints one JSON document, as every `--json` does (docs/reference/json-output.md)."""
     typer.echo(json.dumps(value, indent=2, ensure_ascii=False, allow_nan=False))
 
 

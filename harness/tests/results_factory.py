@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Synthetic raw run folders and whole experiments, consistent with docs/formats.md."""
+"""Synthetic raw run folders and whole experiments, consistent with docs/reference/run-folder.md."""
 
 import json
 from dataclasses import dataclass, field

@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Coverage of intervals and false alarm rates of tests by seeded simulation, compared with the
-methods used before. Run as a program it prints the table of docs/metrics.md."""
+methods used before. Run as a program it prints the table of
+docs/logbook/2026-11-22-statistics-simulated.md."""
 
 from collections.abc import Callable
 

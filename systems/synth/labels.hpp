@@ -29,7 +29,8 @@ struct PersonLabel {
 std::vector<PersonLabel> label_people(Renderer& renderer, std::span<const Figure> cast,
                                       const SE3& T_wc, double time_s);
 
-/// Encodes one frame of labels.bin, which is a mask cache (docs/formats.md) with the key "labels".
+/// Encodes one frame of labels.bin, which is a mask cache (docs/reference/sequence.md) with the key
+/// "labels".
 std::string label_block(std::span<const PersonLabel> people, const Camera& camera);
 std::string label_file(const std::vector<std::string>& blocks);
 

@@ -89,7 +89,7 @@ class Targets(BaseModel):
     """The printed times to meet."""
     fits: list[str] = Field(default_factory=list)
     """Ids of the published cells (`*` allowed) that the devices are fitted to, including sums of
-    fitted ones. Agreement with these is no evidence (docs/results.md)."""
+    fitted ones. Agreement with these is no evidence (docs/explanation/verdicts.md)."""
     runs: int = Field(default=2, ge=1)
     """Runs of each condition in a round."""
     rounds: int = Field(default=6, ge=1)

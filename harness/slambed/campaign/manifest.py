@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""manifest.json: the circumstances of a run (docs/formats.md)."""
+"""manifest.json: the circumstances of a run (docs/reference/manifest.md)."""
 
 import json
 import os

@@ -153,7 +153,7 @@ def list_(as_json: JsonOption = False) -> None:
 
 @app.command()
 def rates() -> None:
-    """Show the error rates of the verdict rules, as in docs/metrics.md."""
+    """Show the error rates of the verdict rules, as in docs/explanation/verdicts.md."""
     from slambed.papers.verdicts.rates import rates_markdown
 
     typer.echo(rates_markdown())

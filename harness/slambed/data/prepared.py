@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The prepared sequence (docs/formats.md): written once, then memory-mapped."""
+"""The prepared sequence (docs/reference/sequence.md): written once, then memory-mapped."""
 
 from __future__ import annotations
 

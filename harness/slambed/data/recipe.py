@@ -231,7 +231,7 @@ class Dataset(_Strict):
     window_of: str | None = None
     """The dataset of which `playback` selects a part, without a copy."""
     prior_map: str | None = None
-    """Prepared input used for parameters with the value `dataset` (docs/inputs.md)."""
+    """Prepared input used for parameters with the value `dataset` (docs/reference/input.md)."""
     reference: str | None = None
     """Prepared input with the path that runs on this dataset are compared with."""
 

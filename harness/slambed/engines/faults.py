@@ -101,7 +101,7 @@ def steps(faults: list[Fault]) -> list[Step]:
 
 @dataclass(frozen=True)
 class FaultEvent:
-    """One line of the log (docs/formats.md, "Events")."""
+    """One line of the log (docs/reference/events.md, "Events")."""
 
     t_ns: int
     type: str

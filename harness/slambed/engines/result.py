@@ -79,8 +79,8 @@ def run_config(
     horizon_s: float,
     edge_address: str = NETWORK_EDGE_ADDRESS,
 ) -> RunConfig:
-    """Returns the run configuration (docs/formats.md); both paths are as the nodes see them. The
-    run must end before the horizon."""
+    """Returns the run configuration (docs/reference/run-folder.md); both paths are as the nodes see
+    them. The run must end before the horizon."""
     network: Network | None = None
     if spec.link is not None:
         ports = {name: FIRST_PORT + index for index, name in enumerate(spec.channels)}

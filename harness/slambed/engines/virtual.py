@@ -56,7 +56,8 @@ SEEN_FROM = (QUALITY, "full_offload")
 
 
 def sim_config(spec: RunSpec, horizon_s: float, features: Path | None) -> SimConfig:
-    """Returns the simulated environment of the nodes (docs/formats.md, "Virtual run")."""
+    """Returns the simulated environment of the nodes (docs/reference/run-folder.md, "Virtual
+    run")."""
     link: ModeledLink | None = None
     if spec.link is not None:
         profile = parse_profile(spec.link.content, f"profile {spec.link.profile}")

@@ -12,7 +12,7 @@ from slambed.link.record import ASKED_STEP_S, series_frame
 
 
 def modeled_link(profile: Profile, horizon_s: float) -> ModeledLink:
-    """Returns both directions (docs/formats.md, "Virtual run")."""
+    """Returns both directions (docs/reference/run-folder.md, "Virtual run")."""
     up_ms, down_ms = delay_table_ms(profile, horizon_s)
     return ModeledLink(
         step_ms=STEP_MS,

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The list of all metrics. A new metric needs only one entry: summary.json, summary.csv and,
-after `python -m slambed.document`, the tables of docs/formats.md and docs/metrics.md follow.
-Reports and the regression gate use it according to `use`; the default is only on request of an
-experiment."""
+"""The list of all metrics. A new metric needs only one entry: summary.json, summary.csv and, after
+`python -m slambed.document`, the tables of docs/reference/summary.md and docs/reference/metrics.md
+follow. Reports and the regression gate use it according to `use`; the default is only on request of
+an experiment."""
 
 from collections.abc import Callable, Iterable, Mapping
 from functools import partial

@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Converts events, samples and link series to columns of a fixed schema (docs/results.md)."""
+"""Converts events, samples and link series to columns of a fixed schema
+(docs/reference/parquet.md)."""
 
 import json
 from collections.abc import Iterable, Sequence

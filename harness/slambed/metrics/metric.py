@@ -90,7 +90,7 @@ class Metric:
 
     @property
     def stored_type(self) -> str:
-        """Type name in docs/formats.md."""
+        """Type name in docs/reference/summary.md."""
         return {"number": "float", "count": "int", "flag": "bool", "text": "str"}[self.type]
 
     @property

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Writes the Parquet files of a result (docs/results.md lists every column)."""
+"""Writes the Parquet files of a result (docs/reference/parquet.md lists every column)."""
 
 from dataclasses import dataclass, field
 from pathlib import Path

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Computes the flat summary of one run (docs/formats.md, `summary.json`)."""
+"""Computes the flat summary of one run (docs/reference/summary.md, `summary.json`)."""
 
 from collections.abc import Mapping
 from pathlib import Path

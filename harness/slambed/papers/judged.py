@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Judges a published number: by provenance first, then by its rule (docs/results.md)."""
+"""Judges a published number: by provenance first, then by its rule
+(docs/explanation/verdicts.md)."""
 
 from dataclasses import dataclass, field, replace
 from functools import cached_property

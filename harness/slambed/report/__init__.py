@@ -1,2 +1,2 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Makes tables, figures and pages from runs (docs/results.md)."""
+"""Makes tables, figures and pages from runs (docs/reference/report.md)."""

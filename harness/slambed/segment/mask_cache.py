@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The mask cache (docs/formats.md): a network's instances in every frame of a sequence. The
-generator's labels.bin has the same format."""
+"""The mask cache (docs/reference/sequence.md): a network's instances in every frame of a sequence.
+The generator's labels.bin has the same format."""
 
 from __future__ import annotations
 

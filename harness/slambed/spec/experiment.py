@@ -183,7 +183,7 @@ class Experiment(BaseModel):
     """What the nodes run on."""
     roles: Roles | None = None
     """Nodes on another machine: a mobile node on a real board that reaches the edge on this
-    machine over the real network (docs/hosts.md)."""
+    machine over the real network (docs/how-to/use-a-real-board.md)."""
     engine: Literal["auto", "docker", "local", "virtual"] = "auto"
     """What executes the runs; `auto`: Docker where its daemon answers, else `local`."""
     pace: Pace = HOST_PACE

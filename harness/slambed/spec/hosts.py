@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""hosts.yaml: the machines that may execute the live runs of a campaign (docs/hosts.md)."""
+"""hosts.yaml: the machines that may execute the live runs of a campaign
+(docs/reference/hosts.md)."""
 
 from collections import Counter
 from pathlib import Path

@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""catalog/inputs/*.yaml: input files of runs that are produced by other runs (docs/inputs.md)."""
+"""catalog/inputs/*.yaml: input files of runs that are produced by other runs
+(docs/reference/input.md)."""
 
 from typing import Literal
 

@@ -12,7 +12,7 @@ from slambed.native import repository_root
 
 FROM_DATASET = "dataset"
 """Value of a path parameter that selects the prior map named in the dataset's file
-(docs/inputs.md)."""
+(docs/reference/input.md)."""
 FOLDER = "inputs"
 """Subfolder of a run's output folder, which nodes of every engine can read."""
 

@@ -63,7 +63,7 @@ TUNED = {
 def test_sequences_tuned_once_keep_their_bytes(tmp_path: Path, name: str) -> None:
     """Systems were tuned on them, so neither their recipes nor the generated images may change;
     checked with small images along the whole path. For an intended change, raise
-    kGeneratorVersion and document it in docs/datasets.md."""
+    kGeneratorVersion and document it in docs/explanation/generated-sequences.md."""
     recipe = Catalog.load(repository_root() / "catalog" / "datasets", []).get(name)
     assert recipe.synthetic is not None
     small = recipe.synthetic.model_copy(update={"width": 160, "height": 120, "texel_scale": 10.0})

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// slambed-node: one node of a run. docs/formats.md describes its files and exit codes.
+// slambed-node: one node of a run. docs/reference/run-folder.md describes its files and exit codes.
 #include <CLI/CLI.hpp>
 #include <iostream>
 

@@ -20,8 +20,9 @@ struct PlayerOptions {
 };
 
 /// Runs a node whose system is an external program: offers it frames on the run's clock, takes its
-/// poses, and leaves the files of every node (docs/formats.md, "Life of a node"). Returns the exit
-/// code. Throws Error for a bad configuration, a bad message or a failure of the environment.
+/// poses, and leaves the files of every node (docs/reference/run-folder.md, "Life of a node").
+/// Returns the exit code. Throws Error for a bad configuration, a bad message or a failure of the
+/// environment.
 int play(const PlayerOptions& options);
 
 }  // namespace slambed

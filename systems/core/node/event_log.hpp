@@ -17,9 +17,9 @@
 
 namespace slambed {
 
-/// events.jsonl of one node (docs/formats.md, "Events"). Thread-safe; lines are kept in memory
-/// until flush(). Events before the start of the run (connections) are buffered until its time zero
-/// is known.
+/// events.jsonl of one node (docs/reference/events.md, "Events"). Thread-safe; lines are kept in
+/// memory until flush(). Events before the start of the run (connections) are buffered until its
+/// time zero is known.
 class EventLog final : public Observer {
  public:
   using Clock = std::function<RunTime()>;

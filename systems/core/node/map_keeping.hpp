@@ -15,7 +15,8 @@ namespace slambed {
 void require_same_rig(const wire::SensorInfo& stored, const wire::SensorInfo& played,
                       const std::filesystem::path& map);
 
-/// Map files of a run: the one it starts from and the one it saves (docs/formats.md, "Map file").
+/// Map files of a run: the one it starts from and the one it saves (docs/reference/sequence.md,
+/// "Map file").
 class MapKeeping {
  public:
   MapKeeping(const System& system, const Parameters& parameters, const PreparedSequence& sequence,

@@ -56,7 +56,7 @@ struct System {
   std::string name;
   std::vector<ParameterSpec> parameters;
   std::vector<std::string> channels;  ///< none: everything runs on the mobile
-  /// Types of the system's own messages, from 128 on (docs/systems.md).
+  /// Types of the system's own messages, from 128 on (docs/how-to/write-a-system-in-cpp.md).
   std::vector<wire::MessageRange> messages;
   std::vector<SensorKind> sensors{SensorKind::kRgbd};
   std::function<OrbOptions(const Parameters&)> orb;

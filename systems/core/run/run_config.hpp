@@ -33,7 +33,8 @@ struct PaceConfig {
   DeviceModel device;
 };
 
-/// run.json (docs/formats.md, "Run configuration"). The system's parameter specs check params.
+/// run.json (docs/reference/run-folder.md, "Run configuration"). The system's parameter specs check
+/// params.
 struct RunConfig {
   std::string run_key;
   std::uint64_t seed = 0;

@@ -22,8 +22,8 @@ struct LinkModel {
 /// where: full name of the object, for messages. Throws bad_input as read_sim_config does.
 LinkModel read_link(const nlohmann::json& json, const std::string& where);
 
-/// sim.json (docs/formats.md, "Virtual run"): a run.json plus the devices, link and caches of a
-/// virtual run.
+/// sim.json (docs/reference/run-folder.md, "Virtual run"): a run.json plus the devices, link and
+/// caches of a virtual run.
 struct SimConfig {
   RunConfig run;
   DeviceModel mobile;

@@ -15,8 +15,8 @@ struct SampledNode {
   const VirtualRuntime* runtime = nullptr;
 };
 
-/// Writes samples.jsonl (docs/formats.md, "Samples") of a virtual run: charged compute time, at 10
-/// Hz of virtual time. Memory and throttling are not modeled and are null.
+/// Writes samples.jsonl (docs/reference/samples.md, "Samples") of a virtual run: charged compute
+/// time, at 10 Hz of virtual time. Memory and throttling are not modeled and are null.
 class VirtualSampler {
  public:
   VirtualSampler(Simulator& simulator, std::vector<SampledNode> nodes,

@@ -12,7 +12,7 @@
 namespace slambed {
 
 /// Masks of every frame of a sequence, segmented once per JPEG quality, neural network and n_m
-/// (docs/formats.md, "Mask cache").
+/// (docs/reference/sequence.md, "Mask cache").
 class MaskCache final : public MaskSource {
  public:
   MaskCache(int width, int height) : width_(width), height_(height) {}

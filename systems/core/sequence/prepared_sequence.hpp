@@ -18,7 +18,8 @@ namespace slambed {
 /// "rgbd", "stereo" or "mono".
 const char* sensor_name(SensorKind kind);
 
-/// A prepared sequence (docs/formats.md), mapped read-only: frames are loaded on first access.
+/// A prepared sequence (docs/reference/sequence.md), mapped read-only: frames are loaded on first
+/// access.
 class PreparedSequence {
  public:
   struct Frame {

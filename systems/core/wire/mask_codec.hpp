@@ -17,8 +17,9 @@ FrameMasks get_masks(ByteReader& in, int width, int height);
 Bytes encode_masks(const FrameMasks& masks);
 FrameMasks decode_masks(std::span<const std::uint8_t> bytes, int width, int height);
 
-/// Decodes what a segmenter writes to mask caches and sends as its answers (docs/formats.md, "Mask
-/// cache"): plain numbers, easy to write from any language. Throws DecodeError.
+/// Decodes what a segmenter writes to mask caches and sends as its answers
+/// (docs/reference/sequence.md, "Mask cache"): plain numbers, easy to write from any language.
+/// Throws DecodeError.
 FrameMasks decode_segmentation(std::uint32_t instances, std::span<const std::uint8_t> bytes,
                                int width, int height);
 Bytes encode_segmentation(const FrameMasks& masks);

@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Error rates of the rules: the tables of docs/metrics.md, printed by `slambed papers rates`.
+"""Error rates of the rules: the tables of docs/logbook/2026-11-22-error-rates-of-verdicts.md,
+printed by `slambed papers rates`.
 
 Rates of shares are exact sums over both binomials; the others are simulated with a fixed seed.
 """

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 # ruff: noqa: N803 - frames of reference are written as everywhere: T_wc, camera to world
-"""The client of slambed-play for systems in Python (docs/systems.md). It needs only numpy.
+"""The client of slambed-play for systems in Python (docs/reference/system.md). It needs only numpy.
 
 client = Client()
 client.ready()                              # vocabulary loaded, edge connected
