@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+import pandas as pd
 from numpy.typing import ArrayLike, NDArray
 from scipy import stats
 
@@ -35,12 +36,9 @@ class Interval:
 
 
 def finite(values: ArrayLike | Sequence[float | None]) -> Floats:
-    """Returns the measured values without null and NaN; infinity (a failed run) is kept."""
-    array = np.array(
-        [np.nan if v is None else float(v) for v in np.asarray(values, dtype=object).ravel()],
-        dtype=np.float64,
-    )
-    return array[~np.isnan(array)]
+    """Returns the measured values without null, NA and NaN; infinity (a failed run) is kept."""
+    array = np.asarray(values, dtype=object).ravel()
+    return array[~pd.isna(array)].astype(np.float64)
 
 
 def wilson(successes: int, trials: int, confidence: float = CONFIDENCE) -> Interval:

@@ -2,6 +2,7 @@
 """Intervals, tests, modes and power compared with published values and simulations."""
 
 import numpy as np
+import pandas as pd
 import pytest
 from scipy import stats
 
@@ -58,6 +59,8 @@ def test_failed_runs_stay_infinitely_bad() -> None:
 
 def test_null_is_not_zero() -> None:
     assert finite([1.0, None, float("nan"), 2.0]).tolist() == [1.0, 2.0]
+    # A history has columns of integers in which some are missing.
+    assert finite(pd.array([1, None, 2], dtype="Int64")).tolist() == [1.0, 2.0]
     with pytest.raises(SlambedError):
         interval([None, None])
 
