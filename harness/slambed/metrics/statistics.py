@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Confidence intervals of shares and medians. Means are compared only with published ones, on a
-log scale (`report/verdicts/means.py`)."""
+log scale (`papers/verdicts/means.py`)."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
