@@ -11,6 +11,7 @@ from data_samples import write_prepared
 from virtual_parts import needs_programs
 
 from slambed.errors import ExitCode
+from slambed.spec.library import Library
 
 
 def test_help_lists_the_commands() -> None:
@@ -37,6 +38,14 @@ def test_wrong_usage_is_one_line() -> None:
     assert "'rnu'. Did you mean 'run'? See" in refused(ExitCode.BAD_INPUT, "rnu")
     assert "'frobnicate'. See" in refused(ExitCode.BAD_INPUT, "frobnicate")
     assert "docker, local" in refused(ExitCode.BAD_INPUT, "run", "quickstart", "--engine", "moby")
+
+
+def test_run_without_an_experiment_lists_them() -> None:
+    code, out, err = slambed("run")
+    assert (code, err) == (ExitCode.OK, "")
+    assert all(name in out for name in Library().experiments()) and "'slambed run NAME'" in out
+    # With an option somebody meant an experiment, and a script must not go on.
+    assert "which experiment?" in refused(ExitCode.BAD_INPUT, "run", "--engine", "virtual")
 
 
 def test_an_unknown_experiment_names_its_neighbor() -> None:
