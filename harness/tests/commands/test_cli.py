@@ -75,6 +75,11 @@ def test_results_that_are_nowhere_are_refused(tmp_path: Path) -> None:
     assert not (tmp_path / "nope").exists()
 
 
+def test_results_before_a_command_of_papers_are_refused() -> None:
+    line = refused(ExitCode.BAD_INPUT, "papers", "--results", "elsewhere", "compare", "dynnetslam")
+    assert "slambed papers compare --results ..." in line
+
+
 REAL = """\
 id: tiny
 title: A tiny experiment
