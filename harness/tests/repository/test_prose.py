@@ -17,11 +17,11 @@ LONGEST = 30
 """Words of a sentence."""
 OURS = {
     r"\bwhoever\b": "the one who acts, or 'if you'",
-    r"\b(to be |not )?trusted\b": "valid",
+    r"\b(to be|not) trusted\b": "valid",
     r"\bof which nothing\b": "a sentence with a subject that acts",
     r"\bby its own\b": "'on its own', or by what",
     r"\bat hand\b": "'here', 'current', or its name",
-    r"\bstands? (on|beside|in)\b": "'depends on', 'next to', 'replaces'",
+    r"\bstands? (on|beside)\b": "'depends on', 'next to'",
     r"\b(put|puts|putting) (\w+ )?beside\b": "compare",
     r"\b(is|are|was|were|be|been) told\b": "reported, shown",
     r"\bas it is (?!possible|likely|clear)": "unchanged",
@@ -29,9 +29,9 @@ OURS = {
 """What a reader of the field does not know as a term, and what to write instead."""
 FENCE = re.compile(r"^\s*(```+|~~~+)")
 ITEM = re.compile(r"^\s*([-*+]|\d+\.)\s+")
-# A sentence ends where the next one begins: with a capital letter, a digit, code or a quote.
+# A sentence ends before a capital letter, a digit, code, a quote or our name.
 SHORT = "".join(rf"(?<!\b{word})" for word in (r"e\.g", r"i\.e", "vs", "cf", "Sec", "Fig"))
-END = re.compile(SHORT + r"[.?!][)\"'*_]*\s+(?=[A-Z0-9`\"'(*_\[])")
+END = re.compile(SHORT + r"[.?!][)\"'*_]*\s+(?=[A-Z0-9`\"'(*_\[]|slambed\b)")
 WORD = re.compile(r"[^\s]*[^\W_][^\s]*")
 
 
