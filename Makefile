@@ -53,7 +53,7 @@ plots: setup ## Draw all reports again without running anything
 shell: setup ## A shell in which `slambed` is a command
 	@PATH="$(CURDIR)/.venv/bin:$$PATH" $${SHELL:-/bin/bash}
 
-check: setup-dev ## Before trying a change: ruff, mypy, import contracts, C++ headers one by one, tests without programs
+check: setup-dev ## Before trying a change: ruff, mypy, codespell, import contracts, C++ headers one by one, tests without programs
 	@tools/setup.sh build test
 	@tools/check.sh
 

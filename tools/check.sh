@@ -1,6 +1,6 @@
 #!/bin/bash
 # SPDX-License-Identifier: Apache-2.0
-# check.sh [PYTEST OPTION ...]: quick checks of a change: lint, format, types, import contracts, every C++ header by itself,
+# check.sh [PYTEST OPTION ...]: quick checks of a change: lint, format, types, spelling, import contracts, every C++ header by itself,
 # and tests without programs.
 set -uo pipefail
 

@@ -56,6 +56,14 @@ class Page:
         return f"{found['picture']}[{found['text']}]({address}{'#' + heading if heading else ''})"
 
 
+def with_logbook(config: str) -> str:
+    """The configuration with the pages of docs/logbook/ after its index, the newest first."""
+    index = '"logbook/index.md"'
+    found = (path.name for path in (ROOT / "docs/logbook").glob("[0-9]*.md"))
+    pages = [f'"logbook/{name}"' for name in sorted(found, reverse=True)]
+    return config.replace(index, ", ".join([index, *pages]))
+
+
 def main() -> int:
     """Stages the pages and has Zensical build them."""
     build = ROOT / (sys.argv[1] if len(sys.argv) > 1 else "build") / "site"
@@ -75,12 +83,14 @@ def main() -> int:
         else:
             staged.parent.mkdir(parents=True, exist_ok=True)
             shutil.copyfile(path, staged)
+    # Editors can take the schemas of YAML files from the site.
+    shutil.copytree(ROOT / "catalog/schemas", build / "docs/schemas")
     for line in broken:
         print(f"error: {line}", file=sys.stderr)
     if broken:
         return 1
     config = build / "zensical.toml"
-    text = (ROOT / "zensical.toml").read_text(encoding="utf-8")
+    text = with_logbook((ROOT / "zensical.toml").read_text(encoding="utf-8"))
     config.write_text(text.replace('"build/site/', '"'), encoding="utf-8")
     program = Path(sys.executable).with_name("zensical")
     done = subprocess.run([str(program), "build", "--strict", "--config-file", str(config)],

@@ -79,6 +79,7 @@ checks() {
   step format .venv/bin/ruff format --check harness tools
   step mypy .venv/bin/mypy harness/slambed
   step imports lint_imports
+  step spelling .venv/bin/codespell
 }
 
 # Without the banner.

@@ -18,6 +18,9 @@ app = typer.Typer(help=ABOUT)
 def papers(context: typer.Context, results: ResultsOption = RESULTS) -> None:
     if context.invoked_subcommand is None:
         write_pages(None, results, results / PAGES, every=False)
+    elif results != RESULTS:
+        verb = context.invoked_subcommand
+        raise SlambedError(f"give --results after the command: slambed papers {verb} --results ...")
 
 
 @app.command()

@@ -2,6 +2,7 @@
 """Commands about results: report, diff, gate; evaluate about two files of poses."""
 
 import os
+from dataclasses import asdict
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
@@ -278,11 +279,14 @@ def evaluate(
     method: Literal["nearest", "tum"] = "tum" if association == "tum" else "nearest"
     own, true = read_tum(estimate), read_tum(truth)
     ate = absolute_error(own, true, max_difference_s, method, with_scale)
+    rpe = relative_error(own, true, delta_s, max_difference_s=max_difference_s, method=method)
+    if as_json:
+        print_json({"ate_m": asdict(ate), "rpe": asdict(rpe)})
+        return
     typer.echo(
         f"ATE RMSE {ate.rmse:.6f} m ({ate.alignment}, {ate.pairs} pairs, mean {ate.mean:.6f}, "
         f"median {ate.median:.6f}, max {ate.maximum:.6f})"
     )
-    rpe = relative_error(own, true, delta_s, max_difference_s=max_difference_s, method=method)
     typer.echo(
         f"RPE RMSE over {rpe.delta}: {rpe.translation_m.rmse:.6f} m, "
         f"{rpe.rotation_deg.rmse:.6f} deg ({rpe.translation_m.pairs} pairs)"

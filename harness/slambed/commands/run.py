@@ -15,9 +15,13 @@ from slambed.terminal import RESULTS, ResultsOption, console
 
 
 def run(
+    context: typer.Context,
     experiment: Annotated[
-        str, typer.Argument(help="Name in experiments/, or path of a YAML file.")
-    ],
+        str | None,
+        typer.Argument(
+            help="Name in experiments/, or path of a YAML file; without one, they are listed."
+        ),
+    ] = None,
     runs: Annotated[
         str | None, typer.Option(help="Runs per cell: a number, 'default' or 'paper'.")
     ] = None,
@@ -89,6 +93,9 @@ def run(
     from slambed.spec.hosts import read_hosts
     from slambed.spec.library import Library
 
+    if experiment is None:
+        _list_experiments(context)
+        return
     must_be_an_experiment(experiment, Library().experiments())
     if engine not in (None, "auto", "docker", "local", "virtual"):
         raise SlambedError(f"unknown engine '{engine}'; known: auto, docker, local, virtual")
@@ -138,3 +145,18 @@ def run(
         typer.echo(f"interrupted; finished runs are kept, go on with: {again}", err=True)
         raise typer.Exit(INTERRUPTED)
     raise_unless_good([verdict], experiment)
+
+
+def _list_experiments(context: typer.Context) -> None:
+    """Shows what `run` could run. An option without an experiment is a mistake."""
+    from slambed.commands.listings import list_experiments
+
+    given = [key for key in context.params if _on_the_command_line(context, key)]
+    if given:
+        raise SlambedError("which experiment? 'slambed run' without options lists them")
+    list_experiments()
+
+
+def _on_the_command_line(context: typer.Context, key: str) -> bool:
+    source = context.get_parameter_source(key)
+    return source is not None and source.name == "COMMANDLINE"

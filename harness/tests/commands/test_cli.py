@@ -11,6 +11,7 @@ from data_samples import write_prepared
 from virtual_parts import needs_programs
 
 from slambed.errors import ExitCode
+from slambed.spec.library import Library
 
 
 def test_help_lists_the_commands() -> None:
@@ -39,6 +40,14 @@ def test_wrong_usage_is_one_line() -> None:
     assert "docker, local" in refused(ExitCode.BAD_INPUT, "run", "quickstart", "--engine", "moby")
 
 
+def test_run_without_an_experiment_lists_them() -> None:
+    code, out, err = slambed("run")
+    assert (code, err) == (ExitCode.OK, "")
+    assert all(name in out for name in Library().experiments()) and "'slambed run NAME'" in out
+    # With an option somebody meant an experiment, and a script must not go on.
+    assert "which experiment?" in refused(ExitCode.BAD_INPUT, "run", "--engine", "virtual")
+
+
 def test_an_unknown_experiment_names_its_neighbor() -> None:
     assert "did you mean 'quickstart'" in refused(ExitCode.BAD_INPUT, "run", "quikstart")
 
@@ -64,6 +73,11 @@ def test_results_that_are_nowhere_are_refused(tmp_path: Path) -> None:
     line = refused(ExitCode.BAD_INPUT, "papers", "--results", str(tmp_path / "nope"))
     assert "no such folder" in line and "nope" in line
     assert not (tmp_path / "nope").exists()
+
+
+def test_results_before_a_command_of_papers_are_refused() -> None:
+    line = refused(ExitCode.BAD_INPUT, "papers", "--results", "elsewhere", "compare", "dynnetslam")
+    assert "slambed papers compare --results ..." in line
 
 
 REAL = """\

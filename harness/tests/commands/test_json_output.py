@@ -123,6 +123,14 @@ def test_the_doctor_says_whether_anything_can_run() -> None:
     assert {"topic", "level", "found", "cost"} == set(found["findings"][0])
 
 
+def test_errors_of_a_trajectory_are_numbers(tmp_path: Path) -> None:
+    path = tmp_path / "walk.txt"
+    path.write_text("".join(f"{t} {t * t} {t} 0 0 0 0 1\n" for t in range(5)))
+    found = document("evaluate", str(path), str(path))
+    assert found["ate_m"]["pairs"] == 5 and found["ate_m"]["rmse"] < 1e-9
+    assert found["rpe"]["translation_m"]["rmse"] < 1e-9 and found["rpe"]["delta"] == "1 s"
+
+
 def test_an_error_stays_a_line(tmp_path: Path) -> None:
     line = refused(2, "results", "size", "--json", "--results", str(tmp_path / "none"))
     assert "no such folder" in line
