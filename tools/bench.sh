@@ -1,7 +1,7 @@
 #!/bin/bash
 # SPDX-License-Identifier: Apache-2.0
 # bench.sh: builds and runs every Google Benchmark program and the growth of the map; figures go to
-# build-bench/*.json, medians.md, history.jsonl and growth.csv, and to docs/benchmarks.md by hand.
+# build-bench/*.json, medians.md, history.jsonl and growth.csv, and to docs/logbook by hand.
 set -euo pipefail
 
 cd "$(dirname "$0")/.."

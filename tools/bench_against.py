@@ -2,8 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Compares the benchmarks of this checkout with those of another commit, the yardstick.
 
-Both run beside each other, in turn, so that the pairs share the host's mood. docs/benchmarks.md,
-"Against a yardstick", reports how a slow-down is judged.
+Both run beside each other, in turn, so that the pairs share the host's mood.
+docs/how-to/benchmark.md reports how a slow-down is judged.
 """
 
 import argparse

@@ -1,5 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Campaigns of short runs that meet faults, until so many have struck: see docs/testing.md.
+"""Campaigns of short runs that meet faults, until so many have struck.
+
+See docs/how-to/run-sanitizers-and-fuzzers.md, "Torment campaigns".
 
     tools/chaos.py virtual|dask|live|docker --faults N [--seed N] [--jobs 2,8,32] [--clock]
         [--user root|other|both] [--log FILE]

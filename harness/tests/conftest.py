@@ -3,8 +3,8 @@
 
 Home and cache are empty folders that only their owner may enter, as a newcomer's home is, and no
 recording is found beside the checkout. Tests that need recordings, or a browser, are marked so and
-run where `--recordings` or `--browser` gives them. docs/testing.md says which kinds of tests there
-are.
+run where `--recordings` or `--browser` gives them. docs/how-to/test-a-change.md says which kinds of
+tests there are.
 """
 
 import contextlib

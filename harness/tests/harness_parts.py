@@ -40,8 +40,8 @@ TOLERANCES = {
     "host_stall_ms_max": 100.0,
     "cpu_wait_share_max": 0.9,
 }
-"""Of experiments of live tests, whose question is not how exact the link is. docs/testing.md says
-what a quiet host and a late one were measured to do."""
+"""Of experiments of live tests, whose question is not how exact the link is. What a quiet host and
+a late one were measured to do is in docs/logbook/2026-11-25-test-durations.md."""
 OF_THE_HOST = re.compile(
     "RTT error|RTT probes came back|stalled the mobile node|waited for a processor"
 )

@@ -8,7 +8,7 @@ They are all set up anew before a test is repeated; pytest-rerunfailures keeps t
 judge the same spoiled campaign once more. A failure on a host that was in time is a failure at
 once; and so is a test that met its time limit, which no stall of a host explains.
 
-conftest.py registers the plugin. docs/testing.md says what else a host can spoil.
+conftest.py registers the plugin. docs/how-to/test-a-change.md says what else a host can spoil.
 """
 
 import json
