@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
-# `make` alone lists what there is. Live runs need root or the group docker: they are started through sudo where neither is there. Virtual runs (ENGINE=virtual) need neither.
+# `make` without a target lists the targets. Live runs need root or the group docker; without both they are started through sudo. Virtual runs (ENGINE=virtual) need neither.
 
 SHELL := /bin/bash
 .DEFAULT_GOAL := help
 .PHONY: help packages setup setup-dev build experiment paper plots shell check tidy smoke test test-all test-browser test-asan test-tsan fuzz bench bench-against test-netem data images docs doctor clean
-# The Python environment and the C++ programs are made side by side: one loads, the other computes.
+# The Python environment and the C++ programs are built in parallel: one downloads while the other compiles.
 MAKEFLAGS += -j2
 
 NAME ?= quickstart
@@ -18,7 +18,7 @@ comma := ,
 BUILD := build
 VENV := .venv/bin
 SLAMBED := $(VENV)/slambed
-# Kept through sudo: where data and caches lie.
+# sudo keeps the variables with the places of data and caches.
 UNPRIVILEGED := $(filter-out 0,$(shell id -u))
 VIRTUAL := $(filter virtual,$(ENGINE))
 WITHOUT_DOCKER := $(if $(filter local,$(ENGINE)),yes,$(if $(UNPRIVILEGED),$(if $(VIRTUAL),,$(shell docker info >/dev/null 2>&1 || echo yes))))
@@ -109,7 +109,7 @@ images: packages ## Build the node image
 docs: setup-dev ## The documentation as a site, build/site/html; a link that leads nowhere is an error
 	@$(VENV)/python tools/site.py $(BUILD)
 
-doctor: setup ## Say what this machine can do
+doctor: setup ## Show what this machine can do
 	@$(SUDO) $(SLAMBED) doctor
 
 clean: ## Remove build products and what killed campaigns left; results stay

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-# TurboJpeg::TurboJpeg: libjpeg-turbo's own interface (Debian: libturbojpeg0-dev). Its package brings CMake files
-# that name libraries of other packages, so it is looked for by name.
+# TurboJpeg::TurboJpeg: libjpeg-turbo's own interface (Debian: libturbojpeg0-dev). The package's CMake files refer to
+# libraries of other packages, so this module searches for header and library by name.
 find_path(TurboJpeg_INCLUDE_DIR turbojpeg.h)
 find_library(TurboJpeg_LIBRARY turbojpeg)
-# Neither header nor library say which version they are, and it is part of a virtual run's key.
+# The version is part of a virtual run's key, but neither header nor library contains it.
 get_filename_component(TurboJpeg_folder "${TurboJpeg_LIBRARY}" DIRECTORY)
 if(EXISTS "${TurboJpeg_folder}/pkgconfig/libturbojpeg.pc")
   file(STRINGS "${TurboJpeg_folder}/pkgconfig/libturbojpeg.pc" TurboJpeg_VERSION REGEX "^Version:")

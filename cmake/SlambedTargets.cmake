@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-# One helper per kind of target, so that every floor, test and program is built with the same flags.
+# One helper per kind of target, so that all libraries, tests and programs are built with the same flags.
 
 set(CMAKE_CXX_STANDARD 20)
 set(CMAKE_CXX_STANDARD_REQUIRED ON)
@@ -12,8 +12,8 @@ if(CCACHE_PROGRAM)
 endif()
 
 add_library(slambed_flags INTERFACE)
-# No contraction into FMA and no -march: the same source gives the same bytes on every machine.
-# Hot integer kernels choose their instruction set at run time (target_clones) instead.
+# Without contraction into FMA and without -march, the same source gives the same bytes on every machine.
+# Hot integer kernels choose their instruction set at run time instead (target_clones).
 target_compile_options(slambed_flags INTERFACE -Wall -Wextra -Wshadow -ffp-contract=off)
 if(SLAMBED_WERROR)
   target_compile_options(slambed_flags INTERFACE -Werror)
@@ -24,7 +24,7 @@ foreach(sanitizer IN LISTS SLAMBED_SANITIZE)
   target_link_options(slambed_flags INTERFACE -fsanitize=${sanitizer})
 endforeach()
 if(SLAMBED_SANITIZE)
-  # A finding of ASan or UBSan ends the program, one of TSan is its exit status: no test passes with one.
+  # A finding of ASan or UBSan aborts the program; one of TSan sets its exit status. So no test passes with a finding.
   target_compile_options(slambed_flags INTERFACE -fno-sanitize-recover=all)
 endif()
 if(SLAMBED_FUZZ)
@@ -34,13 +34,13 @@ if(SLAMBED_FUZZ)
   add_custom_target(fuzz_targets)
 endif()
 
-# slambed_unity(target): eight of its sources are compiled as one, so that what they include is read
-# once. Half the time from nothing, more after a change of one file. CMake's own files of this kind
-# (UNITY_BUILD) name the sources by their whole path, and ccache then knows nothing of another clone.
+# slambed_unity(target): compiles eight sources as one, so that their headers are parsed once. A full build takes
+# half the time, a rebuild after a change of one file takes longer. CMake's own UNITY_BUILD includes the sources by
+# absolute path, so ccache would miss in another clone.
 function(slambed_unity target)
   if(SLAMBED_UNITY)
-    # When this folder's file has been read: it may say that a source with flags of its own stays
-    # alone (SLAMBED_ALONE).
+    # Deferred to the end of this folder's CMakeLists.txt, which may exclude sources with their own flags
+    # (SLAMBED_ALONE).
     cmake_language(EVAL CODE "cmake_language(DEFER CALL slambed_compile_together ${target})")
   endif()
 endfunction()
@@ -71,13 +71,13 @@ function(slambed_compile_together target)
     endif()
   endforeach()
   set_target_properties(${target} PROPERTIES SOURCES "${compiled}")
-  # A class with a member of a type from its own file: GCC takes the file for a header there.
+  # GCC takes the included sources for headers, and warns of classes with members of file-local types.
   target_compile_options(${target} PRIVATE -Wno-subobject-linkage)
 endfunction()
 
-# slambed_floor(name SOURCES a.cpp ... DEPENDS slambed_base ...): the library slambed_<name>.
-# Arrows point only downwards; CMake refuses static-library cycles because order of definition is kept.
-function(slambed_floor name)
+# slambed_library(name SOURCES a.cpp ... DEPENDS slambed_base ...): the library slambed_<name>, a layer.
+# It may depend only on libraries defined before it, so there are no cycles.
+function(slambed_library name)
   cmake_parse_arguments(ARG "" "" "SOURCES;DEPENDS" ${ARGN})
   set(target slambed_${name})
   if(ARG_SOURCES)
@@ -96,7 +96,7 @@ function(slambed_floor name)
   endforeach()
 endfunction()
 
-# slambed_program(name SOURCES ... DEPENDS ...): a program that runs in nodes and images.
+# slambed_program(name SOURCES ... DEPENDS ...): a program that runs in nodes and is part of the image.
 function(slambed_program name)
   cmake_parse_arguments(ARG "" "" "SOURCES;DEPENDS" ${ARGN})
   add_executable(${name} ${ARG_SOURCES})
@@ -106,23 +106,23 @@ function(slambed_program name)
   endif()
 endfunction()
 
-# slambed_tool(name SOURCES ... DEPENDS ...): a program for people at a desk, in no image.
+# slambed_tool(name SOURCES ... DEPENDS ...): a program for interactive use, not part of the image.
 function(slambed_tool name)
   cmake_parse_arguments(ARG "" "" "SOURCES;DEPENDS" ${ARGN})
   add_executable(${name} ${ARG_SOURCES})
   target_link_libraries(${name} PRIVATE ${ARG_DEPENDS} CLI11::CLI11)
 endfunction()
 
-# slambed_systems_in_order(result name ...): those folders of systems that have a CMakeLists.txt, each after the
-# systems that the DEPENDS of its floor names.
+# slambed_systems_in_order(result name ...): returns the system folders with a CMakeLists.txt, each after the systems
+# in the DEPENDS of its slambed_library.
 function(slambed_systems_in_order result)
   set(waiting)
   foreach(name IN LISTS ARGN)
     if(EXISTS ${CMAKE_CURRENT_SOURCE_DIR}/${name}/CMakeLists.txt)
       list(APPEND waiting ${name})
       file(READ ${CMAKE_CURRENT_SOURCE_DIR}/${name}/CMakeLists.txt text)
-      string(REGEX MATCH "slambed_floor\\([^)]*\\)" floor "${text}")
-      string(REGEX MATCHALL "slambed_[a-z0-9_]+" used_by_${name} "${floor}")
+      string(REGEX MATCH "slambed_library\\([^)]*\\)" library "${text}")
+      string(REGEX MATCHALL "slambed_[a-z0-9_]+" used_by_${name} "${library}")
     endif()
   endforeach()
   set(ordered)
@@ -149,9 +149,9 @@ function(slambed_systems_in_order result)
   set(${result} ${ordered} PARENT_SCOPE)
 endfunction()
 
-# slambed_test(name [LIVE] SOURCES ... DEPENDS ...): one GoogleTest program, one ctest entry per test
-# case. LIVE: its cases look at the clock, or start programs that do; one at a time (label `live`), and
-# the program is one entry, so that its cases share what they play.
+# slambed_test(name [LIVE] SOURCES ... DEPENDS ...): one GoogleTest program with one ctest entry per test case.
+# LIVE: its cases depend on real time, or start programs that do. They run one at a time (label `live`), and the
+# program is one ctest entry, so that its cases share their sequences.
 function(slambed_test name)
   if(NOT SLAMBED_TESTS)
     return()
@@ -159,7 +159,7 @@ function(slambed_test name)
   cmake_parse_arguments(ARG "LIVE" "" "SOURCES;DEPENDS" ${ARGN})
   add_executable(${name} ${ARG_SOURCES})
   target_link_libraries(${name} PRIVATE ${ARG_DEPENDS} GTest::gtest GTest::gtest_main)
-  # What a test compiles itself is compiled once and runs briefly: -O3 costs more than it gives.
+  # Test code runs only briefly, so compiling it with -O3 would cost more than it saves.
   if(NOT CMAKE_BUILD_TYPE STREQUAL "Debug")
     target_compile_options(${name} PRIVATE -O1)
   endif()
@@ -173,8 +173,8 @@ function(slambed_test name)
   gtest_discover_tests(${name} DISCOVERY_TIMEOUT 60 PROPERTIES TIMEOUT 300)
 endfunction()
 
-# slambed_vector_kernels(prefix): the files prefix_avx2.cpp and prefix_avx512.cpp of this folder. GCC
-# takes the instruction set from a file's own pragma, Clang does not.
+# slambed_vector_kernels(prefix): sets the flags of prefix_avx2.cpp and prefix_avx512.cpp in this folder. GCC takes
+# the instruction set from a pragma in the file, but Clang needs options.
 function(slambed_vector_kernels prefix)
   set_source_files_properties(${prefix}_portable.cpp ${prefix}_avx2.cpp ${prefix}_avx512.cpp
     PROPERTIES SLAMBED_ALONE ON)
@@ -185,16 +185,16 @@ function(slambed_vector_kernels prefix)
   endif()
 endfunction()
 
-# slambed_fixed_eigen_blocks(target): Eigen cuts large products into blocks by the caches that it
-# finds, and so adds in another order; here by the same sizes everywhere (its own for x86-64).
+# slambed_fixed_eigen_blocks(target): fixes the block sizes of Eigen's large products to its defaults for x86-64.
+# Otherwise they depend on the caches of the processor, and so does the order of additions.
 function(slambed_fixed_eigen_blocks target)
   target_compile_definitions(${target} PRIVATE EIGEN_NO_CPUID
     EIGEN_DEFAULT_L1_CACHE_SIZE=32768 EIGEN_DEFAULT_L2_CACHE_SIZE=262144
     EIGEN_DEFAULT_L3_CACHE_SIZE=2097152)
 endfunction()
 
-# slambed_test_on_an_older_processor(name): the test cases SameBits.* of a test program once more,
-# with the functions that glibc chooses for an x86-64 processor without FMA and AVX2.
+# slambed_test_on_an_older_processor(name): runs the test cases SameBits.* of a test program again, with the functions
+# that glibc chooses for an x86-64 processor without FMA and AVX2.
 function(slambed_test_on_an_older_processor name)
   if(NOT SLAMBED_TESTS)
     return()
@@ -205,7 +205,7 @@ function(slambed_test_on_an_older_processor name)
     FAIL_REGULAR_EXPRESSION "Running 0 tests")
 endfunction()
 
-# After all floors: none of them may hang on the processor that it runs on.
+# Adds the test that no library's results depend on the processor. Call it after all slambed_library() calls.
 function(slambed_same_bytes_test)
   if(NOT SLAMBED_TESTS)
     return()
@@ -216,8 +216,8 @@ function(slambed_same_bytes_test)
     COMMAND ${PROJECT_SOURCE_DIR}/tools/same_bytes_symbols.sh ${files})
 endfunction()
 
-# After all floors and systems: the target slambed_headers, an object of every header by itself. A header that
-# lacks an include is only found by whoever includes it first.
+# Adds the target slambed_headers, which compiles every header by itself, because a missing include in a header shows
+# only where the header is included first. Call it after all slambed_library() calls.
 function(slambed_headers_alone)
   if(NOT SLAMBED_HEADERS)
     return()
@@ -235,7 +235,7 @@ function(slambed_headers_alone)
   get_property(libraries GLOBAL PROPERTY SLAMBED_LIBRARIES)
   add_library(slambed_headers OBJECT EXCLUDE_FROM_ALL ${sources})
   target_link_libraries(slambed_headers PRIVATE ${libraries} GTest::gtest ${OpenCV_LIBS} Ceres::ceres)
-  # What a test program is given on its command line, headers of tests name.
+  # Headers of tests use these macros, which their programs get by compile definitions.
   target_compile_definitions(slambed_headers PRIVATE SLAMBED_NODE="" SLAMBED_DEVICES="")
 endfunction()
 
@@ -251,8 +251,8 @@ function(slambed_fuzzer name)
   add_dependencies(fuzz_targets ${name})
 endfunction()
 
-# slambed_decoder_fuzzers(prefix TARGETS source DEPENDS ... DECODERS ...): a libFuzzer program for each
-# decoder that fuzzed_targets() in the source names (core/wire/fuzz).
+# slambed_decoder_fuzzers(prefix TARGETS source DEPENDS ... DECODERS ...): one libFuzzer program per decoder in
+# fuzzed_targets() of the source (core/wire/fuzz).
 function(slambed_decoder_fuzzers prefix)
   if(NOT SLAMBED_FUZZ)
     return()

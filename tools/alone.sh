@@ -1,9 +1,9 @@
 #!/bin/bash
 # SPDX-License-Identifier: Apache-2.0
-# alone.sh headers|all [SECONDS]: compiles every header by itself; all: every source, test and header, one at a time, as the
-# builds of a developer do. The builds of users compile several sources as one, which hides an include that a file only has
-# from its neighbor. Nothing is linked. ccache knows what did not change, so this takes a minute; without it, SECONDS ends it
-# and a line says how much was left out.
+# alone.sh headers|all [SECONDS]: compiles every header by itself; all: every source, test and header by itself, as a
+# developer's build does. Users' builds compile several sources as one, which hides missing includes that a neighbor file
+# provides. Nothing is linked. With a warm ccache this takes a minute; otherwise it stops after SECONDS and a line says how
+# much was left out.
 set -euo pipefail
 
 cd "$(dirname "$0")/.."
@@ -23,7 +23,7 @@ cmake -S . -B "$build" -G Ninja -DSLAMBED_TESTS=ON -DSLAMBED_HEADERS=ON -DSLAMBE
   -DCMAKE_CXX_FLAGS_DEBUG=-O0 >/dev/null
 mapfile -t objects < <(ninja -C "$build" -t targets all | sed -n 's/^\(.*\.cpp\.o\): .*/\1/p' | grep "$pattern")
 
-# compile LIMIT_S OBJECT ...: 124 when the time was over.
+# compile LIMIT_S OBJECT ...: exit status 124 if the time was not enough.
 compile() {
   timeout --signal=INT "$1" ninja -C "$build" --quiet -k 0 ${SLAMBED_NINJA_FLAGS:-} "${@:2}"
 }
@@ -35,7 +35,7 @@ left_out() {
   echo $count
 }
 status=0
-# What changed since the last commit that passed comes first.
+# Files that changed since the last commit that passed come first.
 base=${SLAMBED_PASSED:-$(cat "$(git rev-parse --git-path ci-passed 2>/dev/null)" 2>/dev/null || true)}
 if [ -n "$base" ] && changed=$(git diff --name-only "$base" -- systems 2>/dev/null | grep -E '\.(cpp|hpp)$'); then
   mapfile -t first < <(printf '%s\n' "${objects[@]}" | grep -F -f <(sed 's/.*/\/&/; s/.*\/\([^/]*\/[^/]*\)$/\1/' <<<"$changed") || true)

@@ -1,6 +1,6 @@
 #!/bin/bash
 # SPDX-License-Identifier: Apache-2.0
-# Makes sure that the base image is there: found, pulled, or made with debootstrap.
+# Makes sure that the base image exists: pulls it, or makes it with debootstrap.
 set -euo pipefail
 
 image=debian:bookworm-slim
@@ -25,7 +25,7 @@ bash "$(dirname "$0")/setup.sh" image
 source "$(dirname "$0")/retry.sh"
 folder=$(mktemp -d /var/tmp/slambed-base.XXXXXX)
 trap 'rm -rf "$folder"' EXIT
-# Half a system from a failed attempt would stop the next one.
+# A partial system from a failed attempt would make the next one fail.
 make_system() {
   rm -rf "$folder"
   debootstrap --variant=minbase --include=ca-certificates "$suite" "$folder" "$mirror" >"$folder.log" 2>&1
@@ -37,6 +37,6 @@ thrice make_system || {
   exit 3
 }
 rm -f "$folder.log"
-# What apt keeps for itself is dead weight in an image.
+# apt's caches would only make the image larger.
 rm -rf "$folder"/var/cache/apt/archives/*.deb "$folder"/var/lib/apt/lists/*
 tar -C "$folder" -c . | docker import - "$image"

@@ -1,7 +1,7 @@
 #!/bin/bash
 # SPDX-License-Identifier: Apache-2.0
-# bench.sh: builds and runs every Google Benchmark program and the growth of the map; figures go to
-# build-bench/*.json, medians.md, history.jsonl and growth.csv, and to docs/logbook by hand.
+# bench.sh: builds and runs every Google Benchmark program and the map growth benchmark. Results are in
+# build-bench/*.json, medians.md, history.jsonl and growth.csv; docs/logbook is updated by hand.
 set -euo pipefail
 
 cd "$(dirname "$0")/.."
@@ -13,7 +13,7 @@ ninja -C build-bench --quiet ${SLAMBED_NINJA_FLAGS:-}
 for program in build-bench/bin/*_bench; do
   name=$(basename "$program")
   echo "== $name"
-  # Random order and medians: the host's speed drifts, and neighbors in time drift together.
+  # Random order and medians, because the host's speed drifts over time.
   "$program" --benchmark_repetitions=5 --benchmark_enable_random_interleaving=true \
     --benchmark_report_aggregates_only=true --benchmark_out="build-bench/$name.json"
 done

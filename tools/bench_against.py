@@ -2,8 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Compares the benchmarks of this checkout with those of another commit, the yardstick.
 
-Both run beside each other, in turn, so that the pairs share the host's mood.
-docs/how-to/benchmark.md reports how a slow-down is judged.
+Both alternate, so that each pair meets the same load of the host. docs/how-to/benchmark.md
+describes how a slow-down is judged.
 """
 
 import argparse
@@ -34,9 +34,9 @@ from bench_pairs import (
 ROOT = Path(__file__).resolve().parents[1]
 TO_US = {"ns": 1e-3, "us": 1.0, "ms": 1e3, "s": 1e6}
 MIN_TIME = "0.05"
-"""Seconds of each benchmark in each round: short, because many pairs say more than long ones."""
+"""Seconds per benchmark and round: short, because many pairs tell more than long ones."""
 OLDEST = 20
-"""Without a history and a release, the yardstick is so many commits back."""
+"""Commits back to the yardstick if there is neither a history nor a release."""
 ONE_OF = "--benchmark_filter=^({})$"
 
 
@@ -59,20 +59,20 @@ def resolved(name: str) -> str:
 
 
 def this_commit() -> str:
-    """Of the checkout; with changes to what is compiled it is no commit's."""
+    """Returns the checkout's commit, with "-changed" appended if compiled files differ from it."""
     changed = git("status", "--porcelain", "--", "systems", "cmake", "CMakeLists.txt")
     return resolved("HEAD") + ("-changed" if changed else "")
 
 
 def default_base(history: Path) -> str:
-    """The newest other commit of the history, the latest release, or some commits back."""
+    """Returns the newest other commit of the history, else the latest release, else HEAD~20."""
     found = newest_other(read_history(history), resolved("HEAD"))
     found = found or git("describe", "--tags", "--abbrev=0", "HEAD^", check=False)
     return found or f"HEAD~{OLDEST}"
 
 
 def build(source: Path, folder: Path) -> list[Path]:
-    """The benchmark programs of a source tree."""
+    """Builds the benchmark programs of a source tree and returns their paths."""
     command = ["cmake", "-S", str(source), "-B", str(folder), "-G", "Ninja"]
     command += ["-DSLAMBED_TESTS=OFF", "-DSLAMBED_BENCHMARKS=ON"]
     if shutil.which("ccache"):
@@ -89,7 +89,7 @@ def build(source: Path, folder: Path) -> list[Path]:
 
 
 def build_yardstick(commit: str) -> list[Path]:
-    """Programs are kept, the tree is not; it always has the same path, for ccache's sake."""
+    """Builds and keeps a commit's programs. The path of its temporary tree is fixed for ccache."""
     beside = ROOT / "build-bench" / "yardstick"
     kept, source = beside / commit, beside / "source"
     if not kept.is_dir():
@@ -107,7 +107,7 @@ def build_yardstick(commit: str) -> list[Path]:
 
 
 def names_of(programs: list[Path]) -> list[str]:
-    """program/benchmark of everything that the programs have."""
+    """Returns program/benchmark for all benchmarks of the programs."""
     found = []
     for program in programs:
         listed = subprocess.run(
@@ -118,7 +118,7 @@ def names_of(programs: list[Path]) -> list[str]:
 
 
 def times_of(program: Path, names: list[str]) -> Times:
-    """CPU times of the named benchmarks, in one process."""
+    """Measures CPU times of the named benchmarks in one process."""
     command = [str(program), ONE_OF.format("|".join(map(re.escape, names)))]
     command += [f"--benchmark_min_time={MIN_TIME}", "--benchmark_format=json"]
     done = subprocess.run(command, check=True, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL)
@@ -131,14 +131,14 @@ def times_of(program: Path, names: list[str]) -> Times:
 
 
 class Sides:
-    """Programs of the yardstick and of now."""
+    """Programs of the yardstick and of this checkout."""
 
     def __init__(self, base: list[Path], now: list[Path]) -> None:
         self.base = {program.name: program for program in base}
         self.now = {program.name: program for program in now}
 
     def measure(self, names: list[str], rounds: int) -> list[tuple[Times, Times]]:
-        """Program by program within a round: a pair lies seconds apart."""
+        """Alternates program by program within a round, so that a pair is only seconds apart."""
         chosen: dict[str, list[str]] = {}
         for name in names:
             program, _, benchmark = name.partition("/")

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What bench_against.py and bench_summary.py compute: pairs of times, verdicts and the history.
+"""Computations of bench_against.py and bench_summary.py: pairs of times, verdicts and the history.
 
-The standard library alone: the host's own Python runs it.
+It uses only the standard library, because the host's own Python runs it.
 """
 
 import json
@@ -12,18 +12,18 @@ from dataclasses import dataclass
 from pathlib import Path
 
 Times = dict[str, float]
-"""CPU time in us by benchmark, as one side has it in one round."""
+"""CPU time in us by benchmark, of one side in one round."""
 
 ALARMS = 0.01
-"""At most so often is anything called slower where nothing is slower by more than the limit."""
+"""Largest probability of any false alarm when nothing is slower by more than the limit."""
 PLAIN = 0.05
-"""What is not suspected has an interval that is wrong so often."""
+"""Error probability of the interval of a benchmark that is not suspected."""
 SLOWER, FASTER = "slower", "faster"
 NO_DIFFERENCE, INCONCLUSIVE = "no difference shown", "inconclusive"
 
 
 class BadInputError(Exception):
-    """One line for the user."""
+    """Bad input; its message is one line for the user."""
 
 
 @dataclass(frozen=True)
@@ -32,19 +32,19 @@ class Finding:
     base_us: float
     now_us: float
     spread: float
-    """Median absolute deviation of the pairs' ratios from their median, over it."""
+    """Median absolute deviation of the pairs' ratios, divided by their median."""
     ratio: float
-    """Median of the pairs' ratios, now over yardstick."""
+    """Median of the pairs' ratios, now / yardstick."""
     low: float
     high: float
     pairs: int
     verdict: str
     more_pairs: int = 0
-    """Pairs that would decide, where these do not; 0: it lies too near the limit."""
+    """Additional pairs that would make an inconclusive result conclusive; 0: too near the limit."""
 
 
 def tail(pairs: int, most: int) -> float:
-    """Chance that the sum of signed ranks of `pairs` symmetric values is at most `most`."""
+    """Returns P(sum of signed ranks <= most) for `pairs` symmetric values."""
     ways = [1] + [0] * max(most, 0)
     for rank in range(1, pairs + 1):
         for total in range(len(ways) - 1, rank - 1, -1):
@@ -53,11 +53,11 @@ def tail(pairs: int, most: int) -> float:
 
 
 def interval(ratios: list[float], wrong: float) -> tuple[float, float]:
-    """Between which ratios the true one lies, but for `wrong` of all cases, half on each side.
+    """Returns a confidence interval of the true ratio with error probability `wrong`.
 
-    Wilcoxon's signed ranks turned around: means of two logarithms, sorted, with as many left out at
-    both ends as the test allows. Asks for noise that is alike on both sides, of any distribution.
-    Too few pairs for so rare an error have no ends.
+    Inverts Wilcoxon's signed-rank test: sorts the pairwise means of the logarithms and drops as
+    many at both ends as the test allows. The noise must have the same distribution on both sides,
+    of any shape. With too few pairs for `wrong` the interval is unbounded.
     """
     logs = [math.log(ratio) for ratio in ratios]
     walsh = sorted((a + b) / 2 for n, a in enumerate(logs) for b in logs[n:])
@@ -70,7 +70,7 @@ def interval(ratios: list[float], wrong: float) -> tuple[float, float]:
 
 
 def judge(name: str, base: list[float], now: list[float], limit: float, wrong: float) -> Finding:
-    """The verdict on one benchmark; base and now are in the order of their pairs."""
+    """Returns the verdict on one benchmark; base[i] and now[i] are a pair."""
     ratios = [mine / theirs for mine, theirs in zip(now, base, strict=True)]
     middle = statistics.median(ratios)
     low, high = interval(ratios, wrong)
@@ -92,7 +92,7 @@ def judge(name: str, base: list[float], now: list[float], limit: float, wrong: f
 def more_pairs(
     middle: float, low: float, high: float, limit: float, pairs: int, wrong: float
 ) -> int:
-    """An interval narrows with the square root of the pairs."""
+    """Estimates the missing pairs: the interval narrows with the square root of their number."""
     least = math.ceil(math.log2(2 / wrong))
     if math.isinf(high):
         return max(1, least - pairs)
@@ -112,10 +112,10 @@ def compare(
     rounds: int,
     limit: float,
 ) -> list[Finding]:
-    """Looks at everything, then measures anew, and longer, what looks slower.
+    """Measures all benchmarks, then measures again, and longer, those that look slower.
 
-    What was suspected is judged by its new pairs alone, so having been picked does not favor it,
-    and ALARMS is shared among the suspects alone (Bonferroni), so that few pairs suffice.
+    Suspects are judged by their new pairs only, which avoids selection bias. ALARMS is divided only
+    among the suspects (Bonferroni), so that few pairs suffice.
     """
     screened = measure(names, rounds)
     found = {name: judge(name, *paired(screened, name), limit, PLAIN) for name in names}
@@ -129,23 +129,23 @@ def compare(
 
 
 def alternating(rounds: int) -> list[bool]:
-    """Whether the yardstick comes first in each pair: A B, B A, A B, ..."""
+    """Returns for each pair whether the yardstick comes first: A B, B A, A B, ..."""
     return [number % 2 == 0 for number in range(rounds)]
 
 
 def only_one_side(base: list[str], now: list[str]) -> list[str]:
-    """A line per benchmark that has no partner."""
+    """Returns one line per benchmark that only one side has."""
     lines = [f"only now: {name}" for name in now if name not in base]
     return lines + [f"only in the yardstick: {name}" for name in base if name not in now]
 
 
 def rounded(value: float) -> str:
-    """Three digits that mean something, never in powers of ten."""
+    """Formats a value with three significant digits, never in scientific notation."""
     return f"{value:,.0f}" if value >= 100 else f"{value:.3g}"
 
 
 def table(found: list[Finding]) -> list[str]:
-    """Markdown, what became slower first."""
+    """Returns the lines of a Markdown table, in the order of the findings."""
     lines = [
         "| benchmark | yardstick, us | now, us | ratio | interval | pairs | verdict |",
         "|---|---:|---:|---:|---|---:|---|",
@@ -163,7 +163,7 @@ def table(found: list[Finding]) -> list[str]:
 
 
 def read_history(path: Path) -> list[dict[str, object]]:
-    """Lines of earlier measurements, oldest first."""
+    """Reads earlier measurements, oldest first."""
     rows = []
     for number, line in enumerate(path.read_text("utf-8").splitlines() if path.exists() else [], 1):
         try:
@@ -177,7 +177,7 @@ def read_history(path: Path) -> list[dict[str, object]]:
 
 
 def newest_other(rows: list[dict[str, object]], commit: str) -> str | None:
-    """The newest commit of the history that is not this one; changed trees are no yardstick."""
+    """Returns the newest other commit of the history. Changed trees do not count."""
     others = [str(row["commit"]) for row in rows if row["commit"] != commit]
     return next((other for other in reversed(others) if not other.endswith("-changed")), None)
 
@@ -189,7 +189,7 @@ def append_history(path: Path, rows: list[dict[str, object]]) -> None:
 
 
 def processor() -> str:
-    """The model's name as Linux reports it."""
+    """Returns the processor's model name from /proc/cpuinfo."""
     try:
         lines = Path("/proc/cpuinfo").read_text("utf-8").splitlines()
     except OSError:

@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """bench_summary.py [--history FILE] JSON...: median CPU time and spread of every benchmark.
 
-A Markdown table; the history gets a line for each.
+Prints a Markdown table and appends one line per benchmark to the history.
 """
 
 import argparse
@@ -24,10 +24,10 @@ def main() -> None:
     for path in asked.json:
         found: dict[str, dict[str, float]] = {}
         rows = json.loads(path.read_text(encoding="utf-8"))["benchmarks"]
-        # They ran and were written in random order.
+        # Benchmarks ran and were written in random order.
         rows.sort(key=lambda row: (row["family_index"], row["per_family_instance_index"]))
         for row in rows:
-            # The coefficient of variation is a share, everything else a time.
+            # The coefficient of variation is a ratio; all other values are times.
             scale = 100 if row["aggregate_name"] == "cv" else TO_US[row["time_unit"]]
             found.setdefault(row["run_name"], {})[row["aggregate_name"]] = row["cpu_time"] * scale
         for name, line in found.items():

@@ -1,7 +1,7 @@
 #!/bin/bash
 # SPDX-License-Identifier: Apache-2.0
-# build.sh [auto|docker|local|virtual]: the C++ programs in build/bin (or $SLAMBED_BUILD/bin), once per state of the sources.
-# Where a Docker daemon answers they are compiled inside the image build, else (and for virtual runs) on this host.
+# build.sh [auto|docker|local|virtual]: builds the C++ programs in build/bin (or $SLAMBED_BUILD/bin), once per state of the
+# sources. With a Docker daemon they are compiled in the image build, otherwise (and for virtual runs) on this host.
 set -euo pipefail
 
 engine=${1:-auto}
@@ -12,7 +12,7 @@ bin=$build/bin
 source "$root/tools/environment.sh"
 # shellcheck source=tools/programs.sh
 source "$root/tools/programs.sh"
-# 'slambed setup' of an installed package says both: there is no harness/ beside these tools then.
+# 'slambed setup' of an installed package, which has no harness/ next to these tools, sets both variables.
 hash=${SLAMBED_SOURCES:-$(PYTHONPATH="$root/harness" python3 -m slambed.spec.software)}
 tag=slambed-node:$hash
 
@@ -29,11 +29,11 @@ bash "$root/tools/setup.sh" build
 made_here "$build" "$root"
 compiler=$(own_compiler)
 if [ -n "$compiler" ]; then echo "building with $compiler"; fi
-# Also what is there of a build that fails.
+# A failed build's files go to the caller too.
 trap 'give_to_caller "$build"' EXIT
 cmake -S "$root" -B "$build" -G Ninja -DSLAMBED_TESTS=OFF -DSLAMBED_STATIC=ON -DSLAMBED_UNITY=ON >/dev/null
 rm -f "$bin/sources.sha256"
 # shellcheck disable=SC2086
 ninja -C "$build" $programs
-# Without it runs are named by the bytes of the program: another compiler may have made others.
+# Without this stamp the run key has the program's bytes, as another compiler may have produced other code.
 if [ -z "$compiler" ]; then echo "$hash" >"$bin/sources.sha256"; fi

@@ -1,7 +1,7 @@
 #!/bin/bash
 # SPDX-License-Identifier: Apache-2.0
-# build_image.sh TAG: makes the node image. Nothing is compiled twice: programs of these sources that this host has
-# compiled become the image, else the image build compiles them and they are copied to build/bin of the host.
+# build_image.sh TAG: makes the node image. Nothing is compiled twice: static programs that this host has compiled from
+# these sources go into the image; otherwise the image build compiles them, and they are copied to the host's build/bin.
 set -euo pipefail
 
 tag=$1
@@ -13,7 +13,7 @@ source "$root/tools/programs.sh"
 source "$root/tools/environment.sh"
 
 bash "$root/tools/base_image.sh"
-# The classic builder is the one that every Docker has; it also builds all stages in order.
+# Every Docker has the classic builder; it also builds all stages in order.
 build=(docker build --label "slambed.image=$tag" -t "$tag")
 if ! docker image inspect "$tag" >/dev/null 2>&1; then
   if programs_are_of "${tag#*:}" && programs_are_static; then
@@ -30,7 +30,7 @@ if ! docker image inspect "$tag" >/dev/null 2>&1; then
 fi
 programs_are_of "${tag#*:}" && exit 0
 
-# Only programs of these very sources get the stamp that runs ask for.
+# Only programs from exactly these sources get the stamp that runs check.
 mkdir -p "$bin"
 rm -f "$bin/sources.sha256"
 container=$(docker create "$tag")

@@ -1,14 +1,14 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Campaigns of short runs that meet faults, until so many have struck.
+"""Plays campaigns of short runs with injected faults, until N faults have struck.
 
-See docs/how-to/run-sanitizers-and-fuzzers.md, "Torment campaigns".
+docs/how-to/run-sanitizers-and-fuzzers.md has examples.
 
     tools/chaos.py virtual|dask|live|docker --faults N [--seed N] [--jobs 2,8,32] [--clock]
         [--user root|other|both] [--log FILE]
     tools/chaos.py table FILE ...
 
-Every campaign is one line in the log, with its seed and what came of it; `table` counts them. Exit
-status 1 when something was not as it must be.
+Every campaign is one line in the log with its seed and result; `table` counts them. Exit status 1
+if a campaign had problems.
 """
 
 import argparse
@@ -29,7 +29,7 @@ from slambed.campaign.manifest import git_state  # noqa: E402
 FAULTS_EACH = {"virtual": 50, "dask": 10, "live": 10, "docker": 14}
 EVERY_S = {"virtual": 0.2, "dask": 1.5, "live": 2.0, "docker": 2.0}
 DRAW_EVERY = 8
-"""Only so many campaigns have figures drawn: that takes longer than their runs."""
+"""One in so many campaigns draws figures, which takes longer than its runs."""
 
 
 def main() -> int:
@@ -114,7 +114,7 @@ def show(outcome: Outcome, struck: int, log: Path | None) -> None:
 
 
 def table(files: list[Path]) -> int:
-    """Faults by kind and what they hit, and campaigns with problems."""
+    """Prints a table of faults per kind of campaign, and the campaigns with problems."""
     lines = [json.loads(line) for file in files for line in file.read_text().splitlines()]
     kinds = sorted({line["torment"]["kind"] for line in lines})
     counts = {

@@ -1,7 +1,7 @@
 #!/bin/bash
 # SPDX-License-Identifier: Apache-2.0
-# check.sh [PYTEST OPTION ...]: what a change needs before it is tried for real: lint, format, types, import contracts, every
-# C++ header by itself, pure tests.
+# check.sh [PYTEST OPTION ...]: quick checks of a change: lint, format, types, import contracts, every C++ header by itself,
+# and tests without programs.
 set -uo pipefail
 
 cd "$(dirname "$0")/.."

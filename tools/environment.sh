@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-# Sourced by what builds: packages of the system alone, whatever other software (a sourced ROS, an activated conda) has put
-# into the shell. What is left out is told in one line.
+# Sourced by scripts that build. Removes other software's variables (a sourced ROS, an activated conda) from the
+# environment, so that only packages of the system are used. One line lists what was removed.
 
-# leave_out NAME ...: unsets those that are set.
+# leave_out NAME ...: unsets these variables and notes those that were set.
 leave_out() {
   local name
   for name in "$@"; do
@@ -12,11 +12,11 @@ leave_out() {
 }
 
 left_out=
-# Python packages, headers, libraries and CMake packages of elsewhere.
+# Search paths of Python packages, headers, libraries and CMake packages.
 leave_out PYTHONHOME PYTHONPATH CPATH C_INCLUDE_PATH CPLUS_INCLUDE_PATH LIBRARY_PATH GCC_EXEC_PREFIX COMPILER_PATH \
   CMAKE_PREFIX_PATH CMAKE_INCLUDE_PATH CMAKE_LIBRARY_PATH CMAKE_PROGRAM_PATH CMAKE_TOOLCHAIN_FILE CMAKE_ARGS PKG_CONFIG_PATH
 if [ -n "${CONDA_PREFIX:-}" ]; then
-  # Its compilers link its own C library and have flags of their own.
+  # conda's compilers have their own flags and link conda's C library.
   leave_out CC CXX CFLAGS CXXFLAGS CPPFLAGS LDFLAGS
   export PATH=":$PATH:"
   PATH=${PATH//":$CONDA_PREFIX/bin:"/:}
@@ -25,7 +25,7 @@ if [ -n "${CONDA_PREFIX:-}" ]; then
 fi
 [ -z "$left_out" ] || echo "left out of the build, other software's:$left_out"
 
-# give_to_caller PATH ...: under sudo, what was made belongs to who called it, where the folder around it does.
+# give_to_caller PATH ...: under sudo, gives the paths to the calling user if the parent folder belongs to that user.
 give_to_caller() {
   local path
   if [ "$(id -u)" -ne 0 ] || [ -z "${SUDO_UID:-}" ]; then return 0; fi
@@ -36,7 +36,7 @@ give_to_caller() {
   done
 }
 
-# own_compiler: what the user chose besides, in words; nothing where the system's compiler is taken as it is.
+# own_compiler: prints the compiler and flags that the user has set; nothing for the system's compiler without flags.
 own_compiler() {
   local name
   for name in CC CXX CFLAGS CXXFLAGS CPPFLAGS LDFLAGS; do
@@ -44,8 +44,8 @@ own_compiler() {
   done
 }
 
-# made_here FOLDER ROOT: what CMake has made in a folder of another place, or of sources in another, would compile those
-# without a word; it is made again.
+# made_here FOLDER ROOT: removes a build folder that was moved or belongs to other sources, because it would silently
+# compile those.
 made_here() {
   local cache=$1/CMakeCache.txt made sources
   [ -e "$cache" ] || return 0

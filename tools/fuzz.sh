@@ -1,7 +1,7 @@
 #!/bin/bash
 # SPDX-License-Identifier: Apache-2.0
 # fuzz.sh [SECONDS [TARGET ...]]: builds the fuzz targets (all, or those named) with clang,
-# AddressSanitizer and UBSan, and runs each for so long (20 s). What breaks one is left in build-fuzz/.
+# AddressSanitizer and UBSan, and runs each for SECONDS (20). Inputs that crash one are left in build-fuzz/.
 set -euo pipefail
 
 cd "$(dirname "$0")/.."
@@ -17,7 +17,7 @@ ninja -C build-fuzz --quiet ${SLAMBED_NINJA_FLAGS:-} "${@:-fuzz_targets}"
 if [ $# -eq 0 ]; then
   set -- $(cd build-fuzz/bin && ls | grep '_fuzz$')
 fi
-# One on each core. The first finding ends it, when what runs beside it has ended.
+# One target runs on each core. After the first finding no other target starts.
 fuzz() {
   local output
   output=$("build-fuzz/bin/$1" -max_total_time="$2" -max_len=4096 -rss_limit_mb=4096 -timeout=10 \

@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: Apache-2.0
-"""growth_summary.py CSV [PNG]: how times and memory change with the size of the map, in a table;
-with matplotlib and a second argument also as a picture."""
+"""growth_summary.py CSV [PNG]: prints how times and memory grow with the map; with PNG also plots
+them (needs matplotlib)."""
 
 import csv
 import statistics
@@ -9,7 +9,7 @@ import sys
 from pathlib import Path
 
 WARM_UP = 200
-"""Keyframes before which the local window is still filling."""
+"""Keyframes until the local window is full."""
 COLUMNS = ("yardstick_ms", "track_ms", "map_ms", "bundle_ms", "detect_ms")
 
 
@@ -24,7 +24,7 @@ def main() -> None:
     print(f"{'':12} {'first third':>12} {'last third':>12} {'ratio':>7} {'per yardstick':>12}")
     for name in COLUMNS:
         a, b = (statistics.median(row[name] for row in part) for part in (first, last))
-        # Beside work that stays the same: what the host does to both is no growth.
+        # Relative to work of constant size, which cancels changes of the host's speed.
         x, y = (
             statistics.median(row[name] / row["yardstick_ms"] for row in part)
             for part in (first, last)

@@ -1,14 +1,13 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The trace of the profile cloudslam_lte_like: made, not recorded.
+"""Generates the trace of the profile cloudslam_lte_like; it is not recorded.
 
     lte_like_trace.py > netem_profiles/traces/cloudslam_lte_like.up
 
-CloudSLAM (SEC 2020, Section VII-E1) prints of its LTE uplink that it ranges from 0 to 17.7 Mbit/s
-with a mean of 6.2. This is a seeded capacity with that range and mean: a half second's rate wanders
-(its logarithm is an AR(1) process), and twice a minute, on average, nothing passes for one to two
-seconds. How fast it wanders and how often it stops is our choice. Written as Mahimahi reads it: a
-line is a millisecond in which one packet of 1,500 bytes may leave; after its last line the trace
-begins again.
+CloudSLAM (SEC 2020, Section VII-E1) reports that its LTE uplink ranges from 0 to 17.7 Mbit/s with a
+mean of 6.2. This trace is a seeded random capacity with that range and mean. The logarithm of the
+rate is an AR(1) process with steps of half a second, and twice a minute, on average, nothing passes
+for one to two seconds. We chose the parameters of both. The format is Mahimahi's: each line is a
+millisecond in which one packet of 1,500 bytes may leave, and the trace repeats after its last line.
 """
 
 import math
@@ -18,12 +17,12 @@ SEED, SECONDS, STEP_MS = 1, 60, 500
 MEAN_MBPS, MOST_MBPS = 6.2, 17.7
 PACKET_BITS = 1500 * 8
 KEEPS, SPREAD = 0.9, 0.55
-"""Of the logarithm: what a step keeps of the one before, standard deviation."""
+"""Of the logarithm: AR(1) coefficient per step, and standard deviation."""
 STOPS_PER_S = 2 / 60
 
 
 def shape(rng: random.Random) -> list[float]:
-    """Rate of every step, before it is scaled to the mean."""
+    """Returns the rate of every step before scaling to the mean."""
     rates, state, stopped = [], 0.0, 0
     for _ in range(SECONDS * 1000 // STEP_MS):
         state = KEEPS * state + rng.gauss(0, SPREAD * math.sqrt(1 - KEEPS**2))
@@ -35,7 +34,7 @@ def shape(rng: random.Random) -> list[float]:
 
 
 def scaled(rates: list[float]) -> list[float]:
-    """With the printed mean, cut off at the printed maximum: the factor is found by bisection."""
+    """Scales rates to the reported mean, clipped at the reported maximum (factor by bisection)."""
     low, high = 0.0, 1000.0
     for _ in range(60):
         factor = (low + high) / 2
@@ -45,7 +44,7 @@ def scaled(rates: list[float]) -> list[float]:
 
 
 def opportunities() -> list[int]:
-    """The milliseconds, each as often as packets may leave in it."""
+    """Returns the milliseconds, each as often as a packet may leave in it."""
     lines, credit = [], 0.0
     for step, mbps in enumerate(scaled(shape(random.Random(SEED)))):
         for ms in range(step * STEP_MS, (step + 1) * STEP_MS):

@@ -1,19 +1,19 @@
 #!/bin/bash
 # SPDX-License-Identifier: Apache-2.0
-# Runs a command as root inside a small virtual machine whose kernel has netem: user-mode Linux, an ordinary
-# program, booted on this host's own files (read-only). For kernels that were built without sch_netem, or that have
-# their control groups in version 1: the machine's are version 2.
+# Runs a command as root inside a small virtual machine whose kernel has netem and cgroup v2. It is user-mode Linux, an
+# ordinary program that boots on this host's own files (read-only). Needed where the host's kernel lacks sch_netem or has
+# cgroup v1.
 #
 #   tools/netem_vm.sh [--out FOLDER] [command ...]     default command: the tests of netem and cgroup v2
 #
-# The command finds FOLDER, writable, as /run/out. Exit status: the command's; 77 when there can be no such machine
-# here, said in one line; 78 when it lacks netem, died or took longer than SLAMBED_VM_SECONDS.
+# The command sees FOLDER, writable, as /run/out. Exit status: the command's; 77 if this host cannot run such a machine,
+# with one line that says why; 78 if it lacks netem, died or took longer than SLAMBED_VM_SECONDS.
 set -euo pipefail
 cd "$(dirname "$0")/.."
 repository=$PWD
 cache=${SLAMBED_CACHE:-${XDG_CACHE_HOME:-$HOME/.cache}/slambed}/uml
 memory=${SLAMBED_VM_MEMORY:-1024M}
-# Far more than its tests take on a machine that has time for them.
+# Far longer than the tests take on an idle host.
 limit_s=${SLAMBED_VM_SECONDS:-540}
 
 no_machine() { echo "no virtual machine: $1" >&2; exit 77; }
@@ -25,7 +25,7 @@ if [ $# -eq 0 ]; then
     harness/tests/engines/test_thread_caps.py harness/tests/sampling/test_sampling_cgroup.py
 fi
 
-# The package is unpacked, not installed: it starts nothing and touches nothing.
+# The package is only unpacked, not installed, so it changes nothing on the host.
 if [ ! -x "$cache/usr/bin/linux.uml" ]; then
   [ "$(uname -m)" = x86_64 ] || no_machine "user-mode Linux is for x86-64, this is $(uname -m)"
   command -v apt-get dpkg > /dev/null || no_machine "the package user-mode-linux is Debian's, and there is no apt-get"
@@ -44,8 +44,8 @@ mkdir -p "$out"
 printf '%q ' "$@" > "$scratch/command"
 log=$scratch/console
 
-# Its consoles are our standard output; it exits 0 whatever happens inside, so the result is a line of the console.
-# Its one CPU is a process among others: where it may, it goes before them, or delays in it mean nothing.
+# The machine's console is our standard output. It always exits with 0, so the result is a line on the console. Its one CPU
+# is an ordinary process, which gets a high priority if permitted, because otherwise measured delays mean nothing.
 first=$(nice -n -20 true 2>/dev/null && echo "nice -n -20" || true)
 TMPDIR=$scratch $first timeout --kill-after=5 "$limit_s" "$cache/usr/bin/linux.uml" \
   "mem=$memory" root=none rootfstype=hostfs rootflags=/ ro quiet \
@@ -54,7 +54,7 @@ TMPDIR=$scratch $first timeout --kill-after=5 "$limit_s" "$cache/usr/bin/linux.u
   "VM_MODULES=$modules" "VM_PYTHON=$repository/.venv/bin/python" "VM_BIN=${SLAMBED_BIN:-}" \
   < /dev/null 2>&1 | tee "$log" | sed -u -n '/^SLAMBED_VM_READY/,/^SLAMBED_VM_RESULT/{/^SLAMBED_VM_/!p}' || true
 if ! grep -q '^SLAMBED_VM_READY' "$log"; then
-  # It cannot put back the registers of a processor whose state (AMX) is larger than its kernel's buffer.
+  # It cannot restore the registers of a processor whose state (AMX) is larger than its kernel's buffer.
   if grep -q put_fp_registers "$log"; then no_machine "this processor's registers are more than user-mode Linux knows"; fi
   no_machine "user-mode Linux does not start here: $(tail -n 1 "$log")"
 fi

@@ -1,13 +1,13 @@
 #!/bin/sh
 # SPDX-License-Identifier: Apache-2.0
-# Process 1 of the virtual machine of netem_vm.sh: devices, modules, the command, off.
+# Process 1 in the virtual machine of netem_vm.sh: sets up devices and modules, runs the command, and powers off.
 export PATH=/usr/local/sbin:/usr/local/bin:/usr/sbin:/usr/bin:/sbin:/bin HOME=/run PYTHONDONTWRITEBYTECODE=1
 mount -t proc proc /proc
 mount -t sysfs sysfs /sys
 mount -t devtmpfs dev /dev 2>/dev/null
 command=$(cat "$VM_SCRATCH/command")
 mount -t tmpfs tmpfs /run
-# The host's /tmp is read-only and may be where the project lies, so nothing hides it.
+# The host's /tmp is read-only and may contain the project, so nothing is mounted over it.
 mkdir -p /run/out /run/netns /run/tmp
 export TMPDIR=/run/tmp
 mount -t hostfs none /run/out -o "$VM_OUT"
@@ -28,7 +28,7 @@ for name in ("net/sched/sch_netem.ko", "drivers/net/veth.ko"):
 END
 loaded=$?
 echo SLAMBED_VM_READY
-# Without its modules, what needs them would skip itself and look good.
+# Without the modules, tests that need them would be skipped and look passed.
 if [ $loaded -eq 0 ]; then
   sh -c "$command"
   echo "SLAMBED_VM_RESULT $?"

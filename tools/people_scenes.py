@@ -1,12 +1,12 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: Apache-2.0
-"""Draws pictures with known people for tools/train_people.py: one clip of the generator per seed.
+"""Generates pictures with labeled people for tools/train_people.py: one generated clip per seed.
 
     tools/people_scenes.py FOLDER FIRST_SEED SCENES [FRAMES]
 
-A seed chooses room, camera path, number of people, what they do, their sizes and clothes, blur,
-noise and JPEG quality. Every sixth clip has nobody in it. Writes into FOLDER gray.npy
-(n, 256, 320), people.npy (n, 128, 160; 0: nobody, i: i-th instance), keypoints.npy
+The seed determines room, camera path, number of people, their activity, sizes and clothes, blur,
+noise and JPEG quality. About one clip in six has no people. Writes into FOLDER gray.npy
+(n, 256, 320), people.npy (n, 128, 160; 0: background, i: i-th instance), keypoints.npy
 (n, 6, 17, 3; pixels of 320x256 and visibility) and scenes.json.
 """
 
@@ -35,7 +35,7 @@ PATHS = ("spline", "spline", "spline", "xyz", "halfsphere", "office", "two_laps"
 
 
 def options(seed: int) -> dict[str, str | int | float]:
-    """What the generator is asked for with this seed."""
+    """Returns the generator's options for this seed."""
     draw = random.Random(seed)
     people = 0 if draw.random() < 1 / 6 else draw.choice((1, 1, 2, 2, 3, 4))
     trajectory = draw.choice(PATHS)
@@ -54,7 +54,7 @@ def options(seed: int) -> dict[str, str | int | float]:
 
 
 def degrade(gray: NDArray[np.uint8], draw: random.Random) -> NDArray[np.uint8]:
-    """Light, contrast and JPEG as a camera and a link may have them."""
+    """Varies brightness, contrast and JPEG quality as a camera and a link do."""
     gain, lift, gamma = draw.uniform(0.6, 1.4), draw.uniform(-25, 25), draw.uniform(0.7, 1.4)
     ramp = 255 * (np.arange(256) / 255) ** gamma
     table = np.clip((ramp - 128) * gain + 128 + lift, 0, 255).astype(np.uint8)
@@ -95,8 +95,9 @@ class Pile:
 def clips(
     first: int, scenes: int, frames: int
 ) -> Iterator[tuple[PreparedSequence, MaskCache, random.Random, dict[str, str | int | float]]]:
-    """A clip per seed from `first` on, its truth, a source of chance for its degradation, and its
-    options; a room without a place for its people is left out."""
+    """Yields per seed a clip, its labels, a random generator for degradation, and its options.
+
+    Seeds whose room has no place for the people are skipped."""
     program = str(find_program("slambed-synth"))
     for seed in range(first, first + scenes):
         asked = options(seed)
@@ -116,7 +117,7 @@ def clips(
 
 
 def draw_scenes(folder: Path, first: int, scenes: int, frames: int) -> None:
-    """Writes the pile."""
+    """Generates all clips and writes them into the folder."""
     folder.mkdir(parents=True, exist_ok=True)
     pile, output = Pile(), []
     for sequence, labels, draw, asked in clips(first, scenes, frames):

@@ -1,15 +1,15 @@
 # SPDX-License-Identifier: Apache-2.0
-# Sourced by the scripts that build: what the C++ programs are, and of which sources those in $bin were made.
+# Sourced by scripts that build: names of the C++ programs, and checks of the programs in $bin.
 programs="slambed-node slambed-sim slambed-relay slambed-synth slambed-pace slambed-play"
 
-# programs_are_of HASH: all of them are there, and the stamp beside them says so.
+# programs_are_of HASH: true if all programs exist and their stamp is this hash of the sources.
 programs_are_of() {
   local program
   [ "$(cat "$bin/sources.sha256" 2>/dev/null)" = "$1" ] || return 1
   for program in $programs; do [ -x "$bin/$program" ] || return 1; done
 }
 
-# True when they run without this host's libraries.
+# programs_are_static: true if the programs need no shared libraries.
 programs_are_static() {
   local program
   for program in $programs; do

@@ -1,8 +1,8 @@
 #!/bin/bash
 # SPDX-License-Identifier: Apache-2.0
-# repeat_tests.sh FILE[::TEST] N [PYTEST OPTION ...]: runs tests N times on the host as it is, then N times beside one busy
-# core, and counts what failed or hung. A test that fails once in thirty times is as much in the way as one that always does.
-# Exit status 1 where one did not pass each time; what a failed execution printed is shown.
+# repeat_tests.sh FILE[::TEST] N [PYTEST OPTION ...]: runs tests N times on the host as it is, then N times next to one busy
+# core, and counts failures and hangs. This finds tests that fail only once in thirty times. Exit status 1 if any execution
+# did not pass; the output of failed executions is shown.
 set -uo pipefail
 
 cd "$(dirname "$0")/.."

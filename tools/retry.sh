@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-# Sourced where something is loaded from a network.
+# Sourced by scripts that download.
 
-# thrice COMMAND ...: up to three times, with a pause between, until it ends well. What it prints on standard error is shown
-# each time; its exit status is the last one's.
+# thrice COMMAND ...: runs the command up to three times, with pauses, until it succeeds. Standard error of every attempt is
+# shown; the exit status is that of the last one.
 thrice() {
   local attempt status
   for attempt in 1 2 3; do

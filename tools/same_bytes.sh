@@ -1,8 +1,8 @@
 #!/bin/bash
 # SPDX-License-Identifier: Apache-2.0
 # same_bytes.sh BUILD_A BUILD_B [SECONDS]: plays a generated sequence frame by frame, sequentially,
-# with the nodes of two builds (with and without sanitizers, say) and compares what they leave; then
-# one cell of 20 virtual runs.
+# with the nodes of two builds (e.g. with and without sanitizers) and compares their trajectories; then
+# compares one cell of 20 virtual runs.
 set -euo pipefail
 
 a=$(realpath "$1") b=$(realpath "$2") seconds=${3:-4}

@@ -1,11 +1,11 @@
 #!/bin/bash
 # SPDX-License-Identifier: Apache-2.0
-# same_bytes_symbols.sh LIBRARY...: refuses static libraries whose results hang on the processor.
-# It looks into the object code, because Eigen and the standard library bring such calls in too:
-# - functions of libm whose last bit differs between glibc's variants (what rounds exactly, such as
-#   sqrt, floor, lround, is allowed);
-# - the instruction cpuid: Eigen asks it for the caches, cuts products into blocks by their sizes
-#   and so adds in another order.
+# same_bytes_symbols.sh LIBRARY...: refuses static libraries whose results depend on the processor.
+# It checks the object code, because Eigen and the standard library bring such calls in too:
+# - functions of libm whose last bit differs between glibc's variants (exactly rounded ones, such as
+#   sqrt, floor and lround, are allowed);
+# - the instruction cpuid: Eigen reads the sizes of caches with it, and they decide the order of
+#   additions in its block products.
 set -euo pipefail
 
 names='a?(sin|cos|tan)h?|sincos|atan2|exp(2|10|m1)?|log(2|10|1p|b)?|pow|hypot|cbrt|erfc?|[lt]?gamma|fma|[jy][01n]'

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""same_cell.py BIN_A BIN_B [RUNS]: one cell of virtual runs with two builds of slambed-sim.
+"""same_cell.py BIN_A BIN_B [RUNS]: plays one cell of virtual runs with two builds of slambed-sim.
 
-Every file of every run is compared; a byte that differs is an error. With
+Compares every file of every run; any different byte is an error. Needs
 PYTHONPATH=harness:harness/tests.
 """
 
@@ -42,7 +42,7 @@ def main() -> int:
         for side, folder in zip("ab", programs, strict=True):
             results = ResultFolder(work / side)
             results.create()
-            # Features of its own: both builds extract them.
+            # Each side has its own feature cache, so that both builds extract features.
             executor = ProcessExecutor(
                 played_of(plan), folder / "slambed-sim", work / f"{side}-f", 2
             )

@@ -5,8 +5,8 @@
     tools/score_people.py NETWORK FIRST_SEED SCENES [FRAMES]
 
 NETWORK is a name in catalog/networks/ or a YAML file. Prints one JSON object: overlap, recall and
-precision of the masks (recall by size of figure too), key point similarity, marked share where
-nobody is, and the time of a picture on this machine.
+precision of the masks (recall also by size of figure), key point similarity, the marked share of
+pictures without people, and the CPU time per picture on this machine.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ QUALITY, N_M = 90, 0.8
 
 
 def score(name: str, first: int, scenes: int, frames: int) -> None:
-    """Prints the scores."""
+    """Scores the network and prints the result."""
     segmenter, scores, taken_ms, pictures = Segmenter(load_network(name)), Scores(), [], 0
     for sequence, labels, draw, _ in clips(first, scenes, frames):
         for i in range(len(sequence)):

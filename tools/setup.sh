@@ -1,18 +1,18 @@
 #!/bin/bash
 # SPDX-License-Identifier: Apache-2.0
-# setup.sh run|live|build|test|browser|bench|fuzz|image: installs the Debian/Ubuntu packages that are missing, nothing else.
+# setup.sh run|live|build|test|browser|bench|fuzz|image ...: installs the missing Debian/Ubuntu packages of these groups.
 set -euo pipefail
 
 packages_for() {
   case $1 in
     run) echo python3 python3-venv ca-certificates ;;
     live) echo iproute2 openssh-client ;;
-    # ccache: what was compiled once, in this or another clone, is not compiled again.
+    # With ccache nothing is compiled twice, not even in another clone.
     build) echo g++ cmake ninja-build ccache libeigen3-dev nlohmann-json3-dev libcli11-dev zlib1g-dev libturbojpeg0-dev ;;
-    # OpenCV and Ceres are oracles of the tests; no product links them. OpenCV's CMake files come with
-    # the whole of it only. Tests start the ssh server themselves, on a port of the loopback.
+    # OpenCV and Ceres are oracles of the tests; no program links them. OpenCV's CMake files are only in
+    # its full package. Tests start the ssh server themselves, on a loopback port.
     test) echo libgtest-dev libopencv-dev libceres-dev openssh-server ;;
-    # For make test-browser alone: some hundred megabytes.
+    # Only for make test-browser: several hundred megabytes.
     browser) echo chromium ;;
     bench) echo libbenchmark-dev ;;
     fuzz) echo clang "$(clang_runtime)" ;;
@@ -21,7 +21,7 @@ packages_for() {
   esac
 }
 
-# clang only recommends the runtime of its sanitizers and of its fuzzer, and the package has clang's version in its name.
+# The package of clang only recommends the runtime of its sanitizers and fuzzer, whose package name has clang's version.
 clang_runtime() {
   apt-cache depends clang 2>/dev/null | sed -n 's/.*Depends: clang-\([0-9]*\)$/libclang-rt-\1-dev/p'
 }
@@ -30,7 +30,7 @@ installed() {
   [ "$(dpkg-query -W -f '${db:Status-Status}' "$1" 2>/dev/null)" = installed ]
 }
 
-# A Python outside of dpkg does as well.
+# A Python that dpkg does not know is fine too.
 python_is_good() {
   python3 -c 'import ensurepip, sys, venv; sys.exit(sys.version_info < (3, 11))' 2>/dev/null
 }
@@ -59,8 +59,8 @@ fi
 bash "$(dirname "$0")/space.sh" 1500 "installing ${#missing[@]} packages"
 echo "installing: ${missing[*]}"
 
-# apt_get ARGUMENT ...: another apt (a new machine updates itself) is waited for, at most so long. Anything else that fails, a
-# mirror that does not answer or a package folder that another apt emptied meanwhile, is tried three times.
+# apt_get ARGUMENT ...: waits up to apt_wait_s for another apt (a new machine updates itself). Other failures, such as a mirror
+# that does not answer or a package folder that another apt has emptied, are retried up to three times.
 apt_wait_s=${SLAMBED_APT_WAIT_S:-600}
 apt_pause_s=${SLAMBED_APT_PAUSE_S:-10}
 apt_get() {

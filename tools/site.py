@@ -2,9 +2,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """site.py [BUILD_FOLDER]: the documentation of docs/ as a site in BUILD_FOLDER/site/html.
 
-Links of docs/ to other files of the repository become links to where the repository is published:
-SLAMBED_REPOSITORY, such as https://github.com/owner/slambed, or nowhere where it is not given. Fails on
-a link to a page, heading, picture or file that does not exist.
+A link of docs/ to another file of the repository becomes a link to SLAMBED_REPOSITORY (an address
+such as https://github.com/owner/slambed), or plain text where that is not set. A link to a page,
+heading, picture or file that does not exist is an error.
 """
 
 import os

@@ -1,13 +1,13 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Three seconds of one run of experiments, in virtual time: see smoke.sh.
+"""Plays three seconds of one run per experiment in virtual time: see smoke.sh.
 
     smoke.py FOLDER [all | EXPERIMENT ...]
 
-Without names: so few experiments that every system is played.
+Without names it plays a few experiments that cover every system.
 
-An experiment is cut down and otherwise left as it is: one cell of each of its systems, the last one
-that the virtual engine can play, on every dataset that a bare checkout has, with its faults early.
-Streets are rendered small; a prior map that a dataset would name is made of the same three seconds.
+An experiment is only shortened: one cell per system, the last one that the virtual engine can play,
+on every dataset of a bare checkout, with faults moved to the beginning. Streets are rendered small.
+A prior map is made from the same three seconds.
 """
 
 import contextlib
@@ -34,9 +34,9 @@ from slambed.spec.library import Library
 
 SECONDS, FPS = 3.0, 10.0
 SLACK_S = 0.3
-"""So that the last frame before SECONDS is in the sequence."""
+"""Makes sure that the last frame before SECONDS is in the sequence."""
 LIMIT_S = 600
-"""Far more than it takes: what hangs is a fault too."""
+"""Far longer than an experiment takes; one that hangs fails."""
 FAULT_AT_S, FAULT_FOR_S = 1.0, 1.0
 LIVE_ONLY = ("kill", "restart")
 STREETS = ("rectangle", "circular", "block")
@@ -44,7 +44,7 @@ STREET_SIZE = {"width": 320, "height": 180}
 
 
 def short_catalog() -> Catalog:
-    """All generated datasets, SECONDS long; a recorded one is missing as in a bare checkout."""
+    """Returns the catalog of a bare checkout with all generated datasets shortened to SECONDS."""
     shipped = Catalog.load(search=[])
     datasets = {}
     for name, dataset in shipped.datasets.items():
@@ -59,13 +59,13 @@ def short_catalog() -> Catalog:
 
 
 def cut(experiment: dict[str, Any], sequences: list[str]) -> dict[str, Any]:
-    """The experiment's file with one cell per system and dataset, and three seconds."""
+    """Returns the experiment's file with one cell per system and dataset, and three seconds."""
     common = experiment.get("faults", [])
 
     def is_virtual(choice: dict[str, Any]) -> bool:
         return not any(fault.get("edge") in LIVE_ONLY for fault in choice.get("faults", common))
 
-    # The last entry of each system: a report may ask for what only one of them measures.
+    # Keep the last entry of each system, because a report may need a metric that only it measures.
     choices = list({c["system"]: dict(c) for c in experiment["systems"] if is_virtual(c)}.values())
     short = experiment | {"systems": choices, "datasets": sequences, "engine": "virtual"}
     for place in (short, *choices):
@@ -80,14 +80,14 @@ def cut(experiment: dict[str, Any], sequences: list[str]) -> dict[str, Any]:
 
 
 def wants_prior_map(experiment: dict[str, Any]) -> bool:
-    """Whether a system shall have the prior map that its dataset names."""
+    """Returns whether a system uses the prior map of its dataset."""
     return any(
         FROM_DATASET in choice.get("params", {}).values() for choice in experiment["systems"]
     )
 
 
 def with_prior_map(experiment: dict[str, Any], sequence: str, place: Path) -> dict[str, Any]:
-    """The experiment on one sequence, its prior map made by a run on that very sequence."""
+    """Returns the experiment on one sequence, with a prior map from a run on the same sequence."""
     maker = {
         "id": f"map_{experiment['id']}", "title": "A prior map",
         "systems": [{"system": "orbslam2", "params": {"save_map": True, "n_orb": 2000}}],
@@ -111,12 +111,12 @@ def with_prior_map(experiment: dict[str, Any], sequence: str, place: Path) -> di
 
 
 def early(fault: dict[str, Any]) -> dict[str, Any]:
-    """The fault within the three seconds."""
+    """Moves a fault into the three seconds."""
     return fault | {"at_s": FAULT_AT_S} | ({"for_s": FAULT_FOR_S} if "for_s" in fault else {})
 
 
 def play(name: str, catalog: Catalog, place: Path) -> str:
-    """Plays one experiment; what is wrong in one line, empty when it went well."""
+    """Plays one experiment. Returns one line that says what is wrong, or an empty string."""
     library = Library()
     experiment, source = library.experiment(name)
     datasets = [catalog.resolve(dataset) for dataset in experiment.datasets]
@@ -141,12 +141,12 @@ def play(name: str, catalog: Catalog, place: Path) -> str:
 
 
 def executed(experiment: dict[str, Any], place: Path, results: Path) -> str:
-    """Executes it once; what is wrong in one line, empty when it went well."""
+    """Executes an experiment once. Returns one line that says what is wrong, or an empty string."""
     file = place / f"{experiment['id']}.yaml"
     file.write_text(yaml.safe_dump(experiment, sort_keys=False))
     output = io.StringIO()
     with contextlib.redirect_stdout(output), contextlib.redirect_stderr(output):
-        # Figures are the tests' of reports: one that cannot be drawn fails no campaign.
+        # No figures: the tests of reports cover them, and a figure cannot fail a campaign.
         code = run_command(
             [
                 "run",
@@ -172,7 +172,7 @@ def not_over(number: int, frame: FrameType | None) -> NoReturn:
 
 
 def one_per_system(library: Library, catalog: Catalog) -> list[str]:
-    """Few experiments that play all systems between them, the one with most new systems first."""
+    """Returns a few experiments that cover all systems, greedily the one with most new systems."""
     plays: dict[str, set[str]] = {}
     for name in library.experiments():
         experiment, source = library.experiment(name)
@@ -194,7 +194,7 @@ def main() -> int:
     elif names == ["all"]:
         names = Library().experiments()
     began = time.monotonic()
-    # One process for each CPU: what they load, they load once.
+    # One process per CPU, so that modules are loaded only once per process.
     with ProcessPoolExecutor(len(os.sched_getaffinity(0))) as pool:
         reported = pool.map(partial(play, catalog=catalog, place=place), names)
         results = dict(zip(names, reported, strict=True))

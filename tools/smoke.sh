@@ -1,8 +1,8 @@
 #!/bin/bash
 # SPDX-License-Identifier: Apache-2.0
-# smoke.sh [all | EXPERIMENT ...]: three seconds of one run in virtual time, on short generated sequences as a machine without
-# recordings has them: of a few experiments that play every system, of all experiments, or of those named. Fails when one
-# cannot run.
+# smoke.sh [all | EXPERIMENT ...]: plays three seconds of one run per experiment, in virtual time on short generated sequences,
+# as on a machine without recordings: a few experiments that cover every system, all experiments, or the named ones. Fails if
+# one cannot run.
 set -euo pipefail
 
 cd "$(dirname "$0")/.."

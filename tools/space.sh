@@ -1,6 +1,6 @@
 #!/bin/bash
 # SPDX-License-Identifier: Apache-2.0
-# space.sh MB WHAT: refuses to begin what would fill the disk half way (exit code 3).
+# space.sh MB WHAT: exits with 3 if there is not enough free disk space for WHAT.
 set -euo pipefail
 
 needed_mb=$1

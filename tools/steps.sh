@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-# Sourced by check.sh and test.sh: named steps with their durations; the first failure does not hide the next one. Steps may
-# run side by side in lanes, each with a time limit. What steps came to is in files, because a lane is a process of its own.
+# Sourced by check.sh and test.sh: named steps with their durations; after a failure the next step still runs. Steps can run
+# in parallel lanes, each with a time limit. Results of steps are in files, because every lane is its own process.
 logs=$(mktemp -d)
 export logs
 trap 'end_lanes; rm -rf "$logs"' EXIT
@@ -16,7 +16,7 @@ step() {
   printf '%5s s  %s\n' $((SECONDS - began)) "$name" >>"$logs/durations"
 }
 
-# logged NAME COMMAND ...: shows all that the command prints, and keeps it in the log of this name.
+# logged NAME COMMAND ...: shows the command's output and keeps it in the log of this name.
 logged() {
   local name=$1
   shift
@@ -24,21 +24,21 @@ logged() {
   return "${PIPESTATUS[0]}"
 }
 
-# start_lane NAME LIMIT_S FUNCTION: runs the steps of an exported function beside this shell, in a session of its own: kernels
-# share CPUs out among sessions before they look at priorities. Its output is kept for wait_for_lane. What is still running
-# after LIMIT_S is ended.
+# start_lane NAME LIMIT_S FUNCTION: runs the steps of an exported function in the background, in its own session, because
+# kernels divide CPUs among sessions before they look at priorities. wait_for_lane shows its output. The lane is terminated
+# after LIMIT_S.
 start_lane() {
   local name=$1 limit_s=${SLAMBED_LANE_LIMIT_S:-$2}
   mkdir -p "$logs/standing/$name"
   echo "$limit_s" >"$logs/limit_$name"
-  # Whoever follows it may be quicker than the lane.
+  # Created here, because a reader may start before the lane does.
   : >"$logs/lane_$name"
   SLAMBED_STANDING=$logs/standing/$name setsid timeout --verbose --kill-after=${SLAMBED_KILL_AFTER_S:-30} "$limit_s" bash -c "$3" >>"$logs/lane_$name" 2>&1 &
   lanes+=($!)
   echo $! >"$logs/pid_$name"
 }
 
-# wait_for_lane NAME [show]: until it has ended. show: prints its output as it comes, else when it has ended.
+# wait_for_lane NAME [show]: waits for the end of a lane and prints its output; with show it prints while the lane runs.
 wait_for_lane() {
   local name=$1 pid status=0 follower=
   pid=$(cat "$logs/pid_$name")
@@ -57,8 +57,8 @@ wait_for_lane() {
   echo "lane $name" >>"$logs/failed"
 }
 
-# standing NAME: the tests that a lane had begun and not ended: pytest's, which conftest.py writes down, then ctest's, whose
-# log names each when it begins and when it ends.
+# standing NAME: prints the tests that a lane has started but not ended: pytest's, which conftest.py records, then ctest's,
+# whose log names each test at its start and end.
 standing() {
   local found
   found=$(cat "$logs/standing/$1"/* 2>/dev/null | paste -sd ' ' -)
@@ -81,13 +81,13 @@ checks() {
   step imports lint_imports
 }
 
-# Its banner says nothing.
+# Without the banner.
 lint_imports() {
   .venv/bin/lint-imports | sed -n '/^Contracts$/,$p'
   return "${PIPESTATUS[0]}"
 }
 
-# The commit at hand, and whether that is what was tested.
+# Prints the commit, and how many files differ from it.
 tested() {
   local commit changed
   commit=$(git rev-parse --short HEAD 2>/dev/null) || { echo "sources without git"; return; }
@@ -95,7 +95,8 @@ tested() {
   if [ "$changed" -eq 0 ]; then echo "$commit"; else echo "$commit with $changed files changed and not committed"; fi
 }
 
-# Durations, which commit this was, what steps kept for the end (the runners' own summaries), and the exit status.
+# finish [FILE ...]: prints durations, the result with the commit, and these files (summaries of the test runners). Exits with
+# 1 if a step failed.
 finish() {
   local result=passed
   [ ! -s "$logs/failed" ] || result=failed
@@ -104,7 +105,7 @@ finish() {
   printf '%5s s  %s\n' "$SECONDS" "everything"
   echo "== $result: $(tested)"
   [ $# -eq 0 ] || cat "$@"
-  # Once more, where it is seen.
+  # Repeated at the end, where it is seen.
   [ ! -e "$logs/late" ] || cat "$logs/late" >&2
   if [ $result = failed ]; then
     echo "error: failed: $(paste -sd ' ' "$logs/failed")" >&2

@@ -1,10 +1,10 @@
 #!/bin/bash
 # SPDX-License-Identifier: Apache-2.0
-# test.sh BUILD_FOLDER [all]: everything that must be green, with the time of every step. The C++ is compiled once, on this
-# host: the node image is made out of the same programs. Then three lanes run side by side, each with a time limit: pytest's
-# live tests, one at a time, which mostly wait; ctest's live programs; and, behind both in every queue for a CPU, all that
-# computes. all: with what only the nightly needs (tests marked nightly, every experiment in smoke, clang-tidy on every unit).
-# Ends with the summaries of ctest and pytest.
+# test.sh BUILD_FOLDER [all]: runs all checks and tests, with the duration of every step. The C++ is compiled once, on this
+# host, and the node image is made from the same programs. Then three lanes run in parallel, each with a time limit: pytest's
+# live tests, one at a time, which mostly wait; ctest's live programs; and, at lower priority, everything that computes. all:
+# adds what only the nightly needs (tests marked nightly, every experiment in smoke, clang-tidy on every unit). Ends with the
+# summaries of ctest and pytest.
 set -uo pipefail
 
 cd "$(dirname "$0")/.."
@@ -19,7 +19,7 @@ if [ -n "$(git status --porcelain 2>/dev/null)" ]; then
   echo "note: this tests the files as they are here: $(git status --porcelain | wc -l) of them are changed and not committed"
 fi
 
-# A compiler that we do not test with may warn of more: its warnings stop nobody.
+# Warnings are errors only with GCC 12, because other compilers may warn of more.
 werror=OFF
 if [ "$(c++ -dumpversion 2>/dev/null)" = 12 ]; then werror=ON; fi
 
@@ -32,29 +32,29 @@ compile() {
     && PYTHONPATH=harness python3 -m slambed.spec.software >"$build/bin/sources.sha256"
 }
 
-# Where user-mode Linux cannot be had, its one line says so and the rest goes on.
+# If user-mode Linux cannot run here (77), the script says so in one line and the tests continue.
 netem() {
   tools/netem_vm.sh || [ $? -eq 77 ]
 }
 
-# Not root, but may become it without being asked: what needs root is tested as root.
+# With passwordless sudo, tests that need root run as root.
 export sudo=
 if [ "$(id -u)" -ne 0 ] && sudo -n true 2>/dev/null; then sudo="sudo --preserve-env=PATH,SLAMBED_STANDING env PYTHONDONTWRITEBYTECODE=1"; fi
 export nightly=${all:+--nightly}
 
-# Tests of one file share what they prepare, and stay in one process.
+# Tests of one file share their fixtures, so they stay in one process.
 pytest_computing() {
   # shellcheck disable=SC2086
   logged pytest .venv/bin/pytest $nightly -n "$jobs" --strict-skips --dist loadfile --no-loadscope-reorder --durations=25 -m "not live"
 }
 
-# One at a time. What needs root is among them.
+# Live tests run one at a time; some of them need root.
 pytest_live() {
   # shellcheck disable=SC2086
   logged pytest_live $sudo .venv/bin/pytest $nightly --strict-skips --durations=25 -p no:cacheprovider -m live
 }
 
-# Folders with recordings, a colon list: those that SLAMBED_TEST_RECORDINGS names, else those where data is looked for.
+# Prints the folders with recordings, separated by colons: SLAMBED_TEST_RECORDINGS, else the usual data folders.
 recordings() {
   local folder found=
   if [ -n "${SLAMBED_TEST_RECORDINGS+set}" ]; then echo "$SLAMBED_TEST_RECORDINGS"; return; fi
@@ -64,7 +64,7 @@ recordings() {
   echo "${found#:}"
 }
 
-# A browser that tests may open pages in.
+# Prints the path of a browser for tests, if there is one.
 browser() {
   local name
   for name in chromium chromium-browser google-chrome; do
@@ -80,7 +80,7 @@ cpp_lint() {
   if [ -n "$all" ]; then tools/tidy.sh "$build"; else tools/tidy.sh --changed "$build"; fi
 }
 
-# What is compiled together may hide a missing include.
+# Finds missing includes that compiling several sources as one hides.
 cpp_alone() {
   if [ -n "$all" ]; then tools/alone.sh all; else tools/alone.sh all 240; fi
 }
@@ -91,7 +91,7 @@ ctest_of() {
   logged "$name" ctest --test-dir "$build" --output-on-failure --no-tests=error "$@"
 }
 
-# Whatever of pytest looks at the clock or starts nodes.
+# Python tests that depend on real time or start nodes.
 live_lane() {
   step netem netem
   step "pytest, live" pytest_live
@@ -101,7 +101,7 @@ ctest_live_lane() {
   step "ctest, live" ctest_of ctest_live -L '^live$'
 }
 
-# Nodes and live tests go before this, by their priority and control groups.
+# This lane has the lowest priority, so that nodes and live tests get the CPUs first.
 computing_lane() {
   renice -n 19 -p $BASHPID >/dev/null
   checks
@@ -124,14 +124,14 @@ computing_lane() {
 }
 
 step compile compile
-# Where Docker is, its engine is tested with the real image; who may not speak to it may still test it as root.
+# With Docker, its engine is tested with the real image; through sudo if this user may not use Docker.
 as_docker=
 if [ -n "$sudo" ] && ! docker info >/dev/null 2>&1; then as_docker=$sudo; fi
 # shellcheck disable=SC2086
 if $as_docker docker info >/dev/null 2>&1; then
   step image $as_docker tools/build.sh docker
 fi
-# What lanes call, they find in their environment.
+# Lanes are other shells, so their functions must be exported.
 export -f step logged checks lint_imports netem pytest_computing pytest_live recordings browser cpp_format cpp_lint cpp_alone \
   ctest_of live_lane ctest_live_lane computing_lane
 limit_s=2400

@@ -1,12 +1,12 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: Apache-2.0
-"""Makes a camera path of catalog/datasets/paths/ from a TUM ground truth: every nth pose, and where
-it is from.
+"""Makes a camera path of catalog/datasets/paths/ from a TUM ground truth: every nth pose, and its
+source.
 
     tools/thin_trajectory.py groundtruth.txt fr3_long_office_household 4 > FILE
 
-The lines that are kept are kept as they are. The generator smooths a path over 50 ms, so that
-25 poses a second say as much as 100.
+Kept lines are unchanged. The generator smooths a path over 50 ms, so 25 poses per second are as
+good as 100.
 """
 
 import hashlib
@@ -17,7 +17,7 @@ URL = "https://cvg.cit.tum.de/data/datasets/rgbd-dataset"
 
 
 def thinned(source: Path, name: str, every: int) -> str:
-    """The text of the path: a header with attribution and recipe, every nth pose and the last."""
+    """Returns the path file: a header with attribution and recipe, every nth pose and the last."""
     content = source.read_bytes()
     poses = [line for line in content.decode().splitlines() if line and not line.startswith("#")]
     kept = poses[::every]

@@ -1,9 +1,9 @@
 #!/bin/bash
 # SPDX-License-Identifier: Apache-2.0
-# tidy.sh [--changed] BUILD_FOLDER [PATTERN]: clang-tidy on all of the product as it is compiled there (tests and benchmarks
-# left out), or on sources whose name has PATTERN. .clang-tidy says what is refused. In builds that compile several sources
-# as one, a unit is such a lot. --changed: only units that hang on a file changed since the last commit that passed
-# ($SLAMBED_PASSED, else what .ci/run wrote down); all of them where no such commit is known.
+# tidy.sh [--changed] BUILD_FOLDER [PATTERN]: runs clang-tidy on the product as it is compiled there, without tests and
+# benchmarks, or on units whose name contains PATTERN. .clang-tidy has the checks. In a unity build a unit is several sources.
+# --changed: only units that depend on a file changed since the last commit that passed ($SLAMBED_PASSED, else what .ci/run
+# recorded), or all units if no such commit is known.
 set -euo pipefail
 
 cd "$(dirname "$0")/.."
@@ -23,7 +23,7 @@ fi
 if ! units=$(.venv/bin/python tools/tidy_units.py "$build" --pattern "$pattern" ${base:+--since "$base"}); then exit 2; fi
 if [ -z "$units" ] && [ -n "$base" ]; then echo "clang-tidy: no unit changed since ${base:0:9}"; exit 0; fi
 [ -n "$units" ] || { echo "error: no source of $build has '$pattern' in its name" >&2; exit 2; }
-# gcc's own words: pragmas that clang does not know, its library's deprecations.
+# clang does not know some of GCC's warnings and pragmas, and GCC's library has deprecations.
 xargs -P "$(nproc)" -n 1 .venv/bin/clang-tidy -p "$build" --quiet --extra-arg=-Wno-unknown-warning-option \
   --extra-arg=-Wno-unknown-pragmas --extra-arg=-Wno-deprecated-declarations <<<"$units" \
   2> >(grep -vE '^[0-9]+ warnings?( and .*)? generated\.$' >&2) || { echo "error: clang-tidy refuses the above" >&2; exit 1; }

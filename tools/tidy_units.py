@@ -1,11 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The compiled units of the product, for clang-tidy: one path a line.
+"""Prints the compiled units of the product for clang-tidy, one path per line.
 
     tidy_units.py BUILD_FOLDER [--pattern TEXT] [--since COMMIT]
 
-With `--since` only units that hang on a file which differs from that commit; ninja knows what each
-object was made of. All of them where that is unknown: an unknown commit, no git, another
-configuration of clang-tidy or of the build.
+With `--since` only units that depend on a file which differs from that commit, by ninja's recorded
+dependencies. All units if that is unknown: an unknown commit, no git, or a changed configuration of
+clang-tidy or of the build.
 """
 
 import argparse
@@ -17,11 +17,11 @@ from pathlib import Path
 LEFT_OUT = re.compile(r"_test_together/|/(tests|bench|fuzz)/")
 OBJECT = re.compile(r" -o (\S+)")
 JUDGES = (".clang-tidy", "tools/tidy", "cmake/", "CMakeLists.txt", "requirements-dev.lock")
-"""A change of these may change what is found anywhere."""
+"""A change of these files can change the findings in any unit."""
 
 
 def changed_since(commit: str) -> set[Path] | None:
-    """Files that differ from the commit, committed or not; None: everything may have changed."""
+    """Returns files that differ from the commit, committed or not; None: any may have changed."""
     names: list[str] = []
     for command in (
         ["diff", "--name-only", commit, "--"],
@@ -38,7 +38,7 @@ def changed_since(commit: str) -> set[Path] | None:
 
 
 def dependencies(build: Path) -> dict[str, set[Path]]:
-    """What each object was made of, by the object's path in the build folder."""
+    """Returns the dependencies of each object, by the object's path in the build folder."""
     command = ["ninja", "-C", str(build), "-t", "deps"]
     printed = subprocess.run(command, capture_output=True, text=True, check=True).stdout
     found: dict[str, set[Path]] = {}

@@ -4,19 +4,19 @@
 
     tools/train_people.py SCENES OUT.onnx [--seed N] [--minutes M] [--check CHECK] [--pictures N]
 
-SCENES is what tools/people_scenes.py wrote. The network takes a gray picture of 320x256 (0 to 1)
-and gives `mask` (1, 128, 160: a person is here) and `maps` (22, 64, 80): heat of the middles of
-persons; how far the middle is from here, right and down (in 64 px); logarithms of width and height
-over 64 px; heat of COCO's 17 key points. What becomes of these is in slambed.segment.people.
+SCENES is the output folder of tools/people_scenes.py. The input of the network is a gray picture of
+320x256 (0 to 1). Its outputs are `mask` (1, 128, 160: person or not) and `maps` (22, 64, 80): heat
+map of persons' centers; offset to the center, right and down (in 64 px); logarithms of width and
+height over 64 px; heat maps of COCO's 17 key points. slambed.segment.people decodes them.
 
-Learning ends by time; the rate falls with the share of time that is over: first on windows of
-160x128, for the last part on whole pictures. The weights hang on the seed and on how many steps
-the machine made, which is printed. Beside OUT.onnx lies OUT.state, every minute: the same command
-goes on from there. CHECK is a pile of other seeds whose overlap is printed with every state; it
-chooses nothing. `--pictures 32` learns these by heart: where that fails, something is broken.
+Training ends after a given time, and the learning rate falls with the elapsed share of it. It uses
+windows of 160x128 first and whole pictures at the end. The weights depend on the seed and on the
+number of steps, which is printed. OUT.state is written every minute; the same command resumes from
+it. CHECK is a folder of other seeds whose overlap is printed with every state but selects nothing.
+`--pictures 32` overfits on 32 pictures: if that fails, something is broken.
 
-Products are in bfloat16 (sums, weights and losses in single precision): four times as fast where
-the processor has AMX, and right everywhere.
+Products are in bfloat16 (sums, weights and losses in single precision), which is four times as fast
+on processors with AMX and correct on all.
 """
 
 from __future__ import annotations
@@ -33,11 +33,11 @@ from torch.nn import functional as F  # noqa: N812
 WIDTH, HEIGHT = 320, 256
 REACH_PX = 64.0
 WHOLE_FROM = 0.7
-"""Share of the time from which on whole pictures are shown."""
+"""Share of the time after which whole pictures are used."""
 TOP_RATE = 3e-3
 WINDOW_BATCH, WHOLE_BATCH = 12, 4
 WITH_PEOPLE = 0.85
-"""Share of what is shown that has somebody in it; half of all pictures have."""
+"""Share of training samples with a person; in the data it is half of all pictures."""
 STATE_PERIOD_S = 60.0
 
 
@@ -60,7 +60,7 @@ class Residual(nn.Module):
 
 
 class People(nn.Module):
-    """Encoder to a sixteenth of the resolution, decoder with skips, three kinds of heads."""
+    """Encoder to 1/16 of the resolution, and decoder with skip connections and two heads."""
 
     def __init__(self) -> None:
         super().__init__()
@@ -73,7 +73,7 @@ class People(nn.Module):
         self.maps = nn.Conv2d(32, 22, 1)
         self.narrow = nn.Conv2d(32, 12, 1)
         self.mask = nn.Sequential(block(12 + 16, 12), nn.Conv2d(12, 1, 1))
-        # Almost nothing is a middle or a key point: start from that.
+        # Initialize heat maps near 0, because centers and key points are rare.
         nn.init.constant_(self.maps.bias, 0.0)
         with torch.no_grad():
             self.maps.bias[0] = self.maps.bias[5:] = -4.0
@@ -92,7 +92,7 @@ class People(nn.Module):
 
 
 class ForUse(nn.Module):
-    """What is exported: probabilities instead of logits."""
+    """The exported network, which gives probabilities instead of logits."""
 
     def __init__(self, people: People) -> None:
         super().__init__()
@@ -105,7 +105,7 @@ class ForUse(nn.Module):
 
 
 def add_bell(heat: np.ndarray, u: float, v: float, sigma: float, peak: float) -> None:
-    """The larger of a map and a bell, within three deviations of its middle."""
+    """Raises a map to at least a Gaussian, within three standard deviations of its center."""
     reach = int(np.ceil(3 * sigma))
     left, top = max(0, int(u) - reach), max(0, int(v) - reach)
     window = heat[top : max(0, int(v) + reach + 2), left : max(0, int(u) + reach + 2)]
@@ -117,9 +117,10 @@ def add_bell(heat: np.ndarray, u: float, v: float, sigma: float, peak: float) ->
 
 
 def targets(ids: np.ndarray, points: np.ndarray) -> np.ndarray:
-    """(22 + 1, h/2, w/2) at a quarter of the resolution; the last: where votes and sizes count.
+    """Returns target maps (22 + 1, h/2, w/2) for ids of shape (h, w), at 1/4 of full resolution.
 
-    ids: people at half resolution; points: key points in full resolution."""
+    The last map marks where offsets and sizes count. ids: instances at half resolution; points: key
+    points at full resolution."""
     small = ids[::2, ::2]
     height, width = small.shape
     maps = np.zeros((23, height, width), np.float32)
@@ -142,12 +143,12 @@ def targets(ids: np.ndarray, points: np.ndarray) -> np.ndarray:
 
 
 class Album:
-    """Pictures in random order, mirrored, shifted and cut as asked for."""
+    """Pictures in random order with random mirroring, cropping, brightness and noise."""
 
     SIDES = np.array([0, 2, 1, 4, 3, 6, 5, 8, 7, 10, 9, 12, 11, 14, 13, 16, 15])
 
     def __init__(self, folder: Path, seed: list[int], most: int | None = None) -> None:
-        """most: only so many pictures, all with somebody in them."""
+        """most: limits the pictures to this number, all with people."""
         self.gray = np.load(folder / "gray.npy", mmap_mode="r")
         self.people = np.load(folder / "people.npy", mmap_mode="r")
         self.points = np.load(folder / "keypoints.npy")
@@ -182,7 +183,7 @@ class Album:
         return tuple(torch.from_numpy(np.stack(each)) for each in (pictures, masks, maps))
 
     def _corner(self, ids: np.ndarray) -> tuple[int, int]:
-        """Of a window; three in four look at somebody."""
+        """Returns the corner of a random window; three of four windows are near a person."""
         rows, columns = np.nonzero(ids)
         u, v = self.random.integers(0, 161), self.random.integers(0, 129)
         if len(rows) and self.random.random() < 0.75:
@@ -193,7 +194,7 @@ class Album:
 
 
 def heat_loss(logits: torch.Tensor, wanted: torch.Tensor) -> torch.Tensor:
-    """Focal loss for heat maps (CornerNet, Law and Deng 2018), by the number of peaks."""
+    """Focal loss for heat maps (CornerNet, Law and Deng 2018), divided by the number of peaks."""
     p = torch.sigmoid(logits).clamp(1e-4, 1 - 1e-4)
     peak = wanted > 0.6
     hit = -torch.log(p) * (wanted - p).abs() ** 2 * peak
@@ -218,7 +219,7 @@ def loss(outputs: tuple, mask: torch.Tensor, wanted: torch.Tensor) -> torch.Tens
 
 @torch.no_grad()
 def overlap_of(people: People, folder: Path | Album) -> float:
-    """Mean intersection over union where a person takes 0.5 % of a picture or more."""
+    """Returns the mean intersection over union of pictures with at least 0.5 % person pixels."""
     if isinstance(folder, Album):
         gray, ids = folder.gray[folder.with_people], folder.people[folder.with_people]
     else:
@@ -233,7 +234,7 @@ def overlap_of(people: People, folder: Path | Album) -> float:
 
 
 class Training:
-    """What a state holds: weights, their running mean, the optimizer, and how far it has come."""
+    """The state of a training: weights, their running mean, the optimizer, and its progress."""
 
     def __init__(self, state: Path) -> None:
         self.file, self.people = state, People().to(memory_format=torch.channels_last)
@@ -249,7 +250,7 @@ class Training:
             self.taken_s, self.cpu_s, self.steps, self.shown = held["progress"]
 
     def save(self) -> None:
-        """Whole or not at all."""
+        """Writes the state atomically."""
         partial = self.file.with_suffix(".partial")
         progress = (self.taken_s, self.cpu_s, self.steps, self.shown)
         torch.save(
@@ -264,7 +265,7 @@ class Training:
         partial.replace(self.file)
 
     def step(self, batch: tuple, rate: float) -> float:
-        """One step down; its loss."""
+        """Makes one optimization step and returns its loss."""
         pictures, mask, wanted = batch
         self.optimizer.param_groups[0]["lr"] = rate
         with torch.autocast("cpu", dtype=torch.bfloat16):
@@ -275,7 +276,7 @@ class Training:
         nn.utils.clip_grad_norm_(self.people.parameters(), 5.0)
         self.optimizer.step()
         self.steps, self.shown = self.steps + 1, self.shown + len(pictures)
-        # The mean over about the last tenth of all steps, at most 500.
+        # Running mean over about the last tenth of all steps, at most 500.
         keep = 1 - 1 / min(500, 1 + self.steps / 10)
         with torch.no_grad():
             now = self.people.state_dict()
@@ -291,7 +292,7 @@ def train(
     torch.manual_seed(seed)
     torch.set_num_threads(1)
     run = Training(out.with_suffix(".state"))
-    # A training that goes on must not see the same windows again.
+    # A resumed training must not get the same windows again.
     album = Album(folder, [seed, run.steps], pictures)
     looked_at: Path | Album | None = album if pictures else check
     print(

@@ -1,6 +1,6 @@
 #!/bin/bash
 # SPDX-License-Identifier: Apache-2.0
-# Trains the built-in vocabulary again, on generated rooms only: nobody else's images are in it.
+# Retrains the built-in vocabulary on generated rooms only, so that it has no third-party images.
 # Needed whenever the ORB test pattern changes. Usage: tools/train_vocabulary.sh BUILD_FOLDER
 set -euo pipefail
 cd "$(dirname "$0")/.."

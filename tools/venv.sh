@@ -1,7 +1,7 @@
 #!/bin/bash
 # SPDX-License-Identifier: Apache-2.0
-# venv.sh [run|dev]: the Python environment in .venv, exactly as requirements.lock says (hashes checked); dev: with what
-# the tests and checks need besides (requirements-dev.lock holds the same versions and more).
+# venv.sh [run|dev]: makes the Python environment in .venv exactly from requirements.lock (with hashes). dev: adds what tests
+# and checks need (requirements-dev.lock has the same versions and more).
 set -euo pipefail
 
 kind=${1:-run}
@@ -13,11 +13,11 @@ source "$root/tools/environment.sh"
 declare -A locks=([run]=requirements.lock [dev]=requirements-dev.lock)
 [ -n "${locks[$kind]:-}" ] || { echo "error: venv.sh $kind: not one of run, dev" >&2; exit 2; }
 
-# state KIND: what the stamp says when such an environment is there.
+# state KIND: prints the stamp of a complete environment of this kind.
 state() { echo "$1 $(cat "$root/${locks[$1]}" "$root/pyproject.toml" | sha256sum)"; }
 
-# Its programs name the folder in which it was made: of a tree that was moved they are dead, of a copied one they run the
-# other tree's code.
+# Programs of an environment contain the folder's absolute path. In a moved tree they fail; in a copied tree they run the
+# original tree's code.
 made=$(sed -n 's/^command = .* -m venv //p' "$venv/pyvenv.cfg" 2>/dev/null || true)
 again=
 if [ -n "$made" ] && [ "$(realpath -m "$made")" != "$(realpath -m "$venv")" ]; then
@@ -39,8 +39,8 @@ echo "making .venv$again"
 python3 -m venv "$venv"
 thrice "$venv/bin/pip" install -q --require-hashes -r "$root/${locks[$kind]}"
 thrice "$venv/bin/pip" install -q --no-deps -e "$root"
-# Wherever the tree lies by now, its code runs: the path is seen from the folder of packages, and the program finds its
-# Python beside itself.
+# Makes the environment independent of the tree's location: the path to the code is relative to site-packages, and the program
+# uses the Python in its own folder.
 for link in "$venv"/lib/python3*/site-packages/__editable__.slambed-*.pth; do echo ../../../../harness >"$link"; done
 cat >"$venv/bin/slambed" <<'END'
 #!/bin/sh

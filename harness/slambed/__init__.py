@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """slambed: a reproducible testbed for edge-offloaded visual SLAM.
 
-`Results` and `run` are for notebooks and scripts (docs/results.md).
+`Results` and `run` are for notebooks and scripts (docs/how-to/use-a-notebook.md).
 """
 
 from importlib import import_module
@@ -12,8 +12,8 @@ FOR_NOTEBOOKS = ("Results", "run")
 
 
 def __getattr__(name: str) -> Any:
-    """What is for notebooks stands above everything that imports this file: it is loaded when
-    asked for."""
+    """Imports the notebook names only when they are used, because every other module imports this
+    file."""
     if name in FOR_NOTEBOOKS:
         return getattr(import_module("slambed.notebook"), name)
     raise AttributeError(f"module 'slambed' has no attribute '{name}'")

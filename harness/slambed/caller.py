@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Under sudo, files that are made belong to the one who called it."""
+"""Under sudo, gives files that slambed creates to the user who called sudo."""
 
 import os
 import stat
@@ -15,7 +15,7 @@ _written: set[Path] = set()
 
 
 def give_to_caller(path: Path) -> None:
-    """A folder with all that is in it."""
+    """Gives a folder and everything in it to the caller."""
     if (caller := _caller()) is None:
         return
     for item in [path, *path.rglob("*")]:
@@ -23,14 +23,14 @@ def give_to_caller(path: Path) -> None:
 
 
 def will_be_callers(folder: Path) -> None:
-    """A folder that the command writes to, maybe until its end: root's files in it are the caller's
-    then."""
+    """Registers a folder that the command writes to; root's files in it go to the caller at the
+    end."""
     _written.add(folder.resolve())
 
 
 def give_written_to_caller() -> None:
-    """What root has left in folders of the caller: results, caches, bytecode beside our modules.
-    Without sudo it would only be in the way."""
+    """Gives the caller what root left in the caller's folders: results, caches, bytecode of our
+    modules. Otherwise these files could not be changed later without sudo."""
     if _caller() is None:
         return
     bytecode = [] if is_installed() else OURS.rglob("__pycache__")
@@ -41,7 +41,7 @@ def give_written_to_caller() -> None:
 
 
 def _give_caches() -> None:
-    from slambed.data.places import cache_folder  # what `--help` need not wait for
+    from slambed.data.places import cache_folder  # imported late: `--help` does not need it
 
     folders = [cache_folder()]
     if (matplotlib := sys.modules.get("matplotlib")) is not None:
@@ -52,10 +52,11 @@ def _give_caches() -> None:
 
 
 def give_cache_to_caller(cache: Path) -> None:
-    """What is root's of our things in `cache`, and of the folders it lies in up to one that is the
-    caller's.
+    """Gives the caller root's files of ours in `cache`, and its parent folders up to one that the
+    caller owns.
 
-    A cache that the caller could not have made stays as it is. Raises OSError when it is not there.
+    A cache that the caller could not have created is left alone. Raises OSError when it does not
+    exist.
     """
     from slambed.data.places import OURS as KINDS
 
@@ -77,7 +78,7 @@ def _give(folder: Path, items: list[Path]) -> None:
     else:
         return
     for item in [*above, *items]:
-        with suppress(OSError):  # another campaign may be tidying up
+        with suppress(OSError):  # another campaign may have removed it
             if item.lstat().st_uid == ROOT:
                 os.lchown(item, *caller)
 
@@ -87,7 +88,7 @@ def _whole(path: Path) -> list[Path]:
 
 
 def _caller() -> tuple[int, int] | None:
-    """User and group behind sudo; None without it."""
+    """Returns the user and group ID of sudo's caller, or None without sudo."""
     uid, gid = os.environ.get("SUDO_UID"), os.environ.get("SUDO_GID")
     if os.geteuid() != ROOT or uid is None or gid is None:
         return None

@@ -1,56 +1,120 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Writes what docs/ say that follows from the list of metrics, from records, from CMake and from
-the imports, and what the C++ of each system takes from its system.yaml.
+"""Generates the tables of docs/ from commands, schemas, records, metrics, CMake and imports, and
+the C++ parameter header of each system from its system.yaml.
 
-    python -m slambed.document
+python -m slambed.document
 
-In docs/ each stands between two comments; a test fails when something is not what its source says.
+In docs/ each table lies between two comments; a test fails when a table or header is out of date.
 """
 
+import re
 from pathlib import Path
+from typing import Any
 
+from slambed.commands.described import verbs
+from slambed.files.yaml_source import load_yaml
 from slambed.metrics.catalog import METRICS
 from slambed.metrics.metric import Metric, Use
 from slambed.native import repository_root
+from slambed.schema.key_tables import curve_table, key_tables
+from slambed.schema.markdown import markdown_table, prose
 from slambed.schema.record_tables import RECORDS, record_table
 from slambed.spec.library import Library
-from slambed.spec.linked import floors_of, programs_of
+from slambed.spec.linked import libraries_of, programs_of
 from slambed.spec.parameter_header import HEADER, parameter_header
 
 COMMAND = "python -m slambed.document"
 TABLES = {
-    "architecture.md": ("floors", "packages"),
-    "formats.md": ("run", "sim", "relay", "lines", "samples", "summary", "own", "manifest"),
-    "metrics.md": ("gate",),
+    "explanation/architecture.md": ("libraries", "packages"),
+    "reference/metrics.md": ("gate",),
+    "reference/command-line.md": ("verbs",),
+    "reference/dataset.md": ("keys dataset", "datasets"),
+    "reference/device.md": ("keys device", "keys device-fit", "devices"),
+    "reference/experiment.md": ("keys experiment",),
+    "reference/hosts.md": ("keys hosts",),
+    "reference/input.md": ("keys input", "inputs"),
+    "reference/make.md": ("make",),
+    "reference/manifest.md": ("manifest",),
+    "reference/messages.md": ("lines",),
+    "reference/network.md": ("keys network", "networks"),
+    "reference/paper.md": ("keys paper", "keys plan", "keys inference"),
+    "reference/profile.md": ("keys profile", "curves", "profiles"),
+    "reference/run-folder.md": ("run", "sim", "relay"),
+    "reference/samples.md": ("samples",),
+    "reference/summary.md": ("summary", "own"),
+    "reference/system.md": ("keys system",),
 }
-"""Page of docs/ and the tables in it."""
+"""Maps a page of docs/ to its tables."""
 UNNAMED = ("apps", "core")
-"""Folders of systems/ whose name is the room's, not that of what lies in it."""
+"""Top folders of systems/ that are left out of a label because they only group other folders."""
 EVERY_SYSTEM = "registry"
-"""The floor whose dependencies CMake finds: it links all systems."""
+"""The library that links all systems; CMake finds its dependencies itself."""
+KEYS = "keys "
+"""Prefix of the names of tables of a kind of YAML file."""
+CATALOGS = {
+    "datasets": ("catalog/datasets", "id", ("title",)),
+    "devices": ("catalog/devices", "name", ("title", "hardware")),
+    "inputs": ("catalog/inputs", "id", ("yields", "dataset", "title")),
+    "networks": ("catalog/networks", "id", ("license", "title")),
+    "profiles": ("netem_profiles", "name", ("description", "source")),
+}
+"""Maps a table to its folder, the key that names a file, and the keys that are shown."""
+ORIGINS = {"first_of": "first of", "window_of": "part of", "reader": "", "synthetic": "generated"}
+"""Maps a dataset's key for its origin to the words before its value."""
+TARGET = re.compile(r"^([a-z-]+):.*?## (.*)$", re.MULTILINE)
+"""A target of the Makefile, as `make help` finds it."""
 
 
 def table(name: str) -> str:
-    """One table as Markdown."""
+    """Returns one table as Markdown."""
     if name == "lines" or name in RECORDS:
-        return _lines(*record_table(name))
+        return markdown_table(*record_table(name))
+    if name in CATALOGS:
+        return _catalog(*CATALOGS[name])
+    if name.startswith(KEYS):
+        return key_tables(name.removeprefix(KEYS))
     return {
+        "verbs": verbs,
+        "make": _make,
+        "curves": curve_table,
         "summary": _summary,
         "own": _own,
         "gate": _gate,
-        "floors": _floors,
+        "libraries": _libraries,
         "packages": _packages,
     }[name]()
 
 
-def _lines(headings: list[str], rows: list[list[str]]) -> str:
-    rule = ["---"] * len(headings)
-    return "".join(f"| {' | '.join(row)} |\n" for row in (headings, rule, *rows))
+def _catalog(folder: str, name: str, shown: tuple[str, ...]) -> str:
+    files = sorted((repository_root() / folder).glob("*.yaml"))
+    rows = []
+    for content in (load_yaml(path).data for path in files):
+        cells = [prose(" ".join(str(content.get(key, "")).split())) for key in shown]
+        rows.append([f"`{content[name]}`", *_origin(content), *cells])
+    origin = ["sensor", "comes from"] if folder.endswith("datasets") else []
+    return markdown_table([name, *origin, *shown], rows)
+
+
+def _origin(content: dict[str, Any]) -> list[str]:
+    """Describes the origin of a dataset; empty for other files."""
+    for key, words in ORIGINS.items():
+        if value := content.get(key):
+            names = value if isinstance(value, list) else [value]
+            found = ", ".join(f"`{item}`" for item in names)
+            sensor = content.get("sensor", "" if words.endswith("of") else "rgbd")
+            return [sensor, words if key == "synthetic" else f"{words} {found}".strip()]
+    return []
+
+
+def _make() -> str:
+    makefile = (repository_root() / "Makefile").read_text(encoding="utf-8")
+    rows = [[f"`make {name}`", text] for name, text in TARGET.findall(makefile)]
+    return markdown_table(["target", "what it does"], rows)
 
 
 def _summary() -> str:
     rows = [[f"`{item.key}`", item.stored_type, item.unit, item.doc] for item in METRICS]
-    return _lines(["key", "type", "unit", "meaning"], rows)
+    return markdown_table(["key", "type", "unit", "meaning"], rows)
 
 
 def _own() -> str:
@@ -60,46 +124,45 @@ def _own() -> str:
         for name in library.systems()
         for key, item in library.system(name).metrics.items()
     ]
-    return _lines(["key", "system", "type", "unit", "meaning"], rows)
+    return markdown_table(["key", "system", "type", "unit", "meaning"], rows)
 
 
-def _floors() -> str:
-    """The folders of the C++ in their three rooms, an arrow to each that is used and not reached
-    over another one."""
+def _libraries() -> str:
+    """Draws the C++ folders in their groups, with arrows to direct dependencies that no other path
+    implies."""
     root = repository_root() / "systems"
-    floors, programs = floors_of(repository_root()), programs_of(repository_root())
+    libraries, programs = libraries_of(repository_root()), programs_of(repository_root())
     used: dict[Path, set[Path]] = {}
     labels: dict[Path, str] = {}
-    for name, target in (*floors.items(), *programs.items()):
-        found = {floors[item].folder for item in target.depends}
+    for name, target in (*libraries.items(), *programs.items()):
+        found = {libraries[item].folder for item in target.depends}
         used[target.folder] = used.get(target.folder, set()) | (found - {target.folder})
         parts = target.folder.relative_to(root).parts
         path = "/".join(parts[1:] if parts[0] in UNNAMED else parts)
         labels[target.folder] = name if name in programs else path
-    rooms: dict[str, list[Path]] = {"apps": [], "systems": [], "synth": [], "core": []}
+    groups: dict[str, list[Path]] = {"apps": [], "systems": [], "synth": [], "core": []}
     for folder in used:
         first = folder.relative_to(root).parts[0]
-        rooms[first if first in rooms else "systems"].append(folder)
+        groups[first if first in groups else "systems"].append(folder)
     ids = {
         folder: "_".join(part for part in folder.relative_to(root).parts if part != "core")
         for folder in used
     }
     lines = ["```mermaid", "flowchart TD"]
-    for room, folders in rooms.items():
-        name = "*" if room == "systems" else room
+    for group, folders in groups.items():
+        name = "*" if group == "systems" else group
         nodes = [
             f"    {ids[f]}" + (f"[{labels[f]}]" if labels[f] != ids[f] else "") for f in folders
         ]
-        lines += [f"  subgraph {room}_room[systems/{name}]", *nodes, "  end"]
+        lines += [f"  subgraph {group}_group[systems/{name}]", *nodes, "  end"]
     lines += _arrows({ids[a]: {ids[b] for b in found} for a, found in used.items()})
-    lines += [f"  {ids[floors[EVERY_SYSTEM].folder]} --> systems_room", "```", ""]
+    lines += [f"  {ids[libraries[EVERY_SYSTEM].folder]} --> systems_group", "```", ""]
     return "\n".join(lines)
 
 
 def _packages() -> str:
-    """The folders of harness/slambed, an arrow to each that is imported and not reached over
-    another one."""
-    from grimp import build_graph  # Comes with import-linter, so only where slambed is developed.
+    """Draws the packages of harness/slambed, with arrows to imports that no other path implies."""
+    from grimp import build_graph  # Comes with import-linter (development only).
 
     graph = build_graph("slambed", cache_dir=None)
     names = {name for name in graph.find_children("slambed") if graph.find_children(name)}
@@ -117,7 +180,7 @@ def _packages() -> str:
 
 
 def _arrows(used: dict[str, set[str]]) -> list[str]:
-    """Lines of mermaid, without the arrows that say no more than a way over others."""
+    """Returns mermaid lines of the transitive reduction of the graph."""
 
     def reached(name: str) -> set[str]:
         return {name}.union(*(reached(item) for item in used[name]))
@@ -136,7 +199,7 @@ def _gate() -> str:
         for item in METRICS
         if Use.GATED in item.use
     ]
-    return _lines(["metric", "shown as", "", "a smaller change is no alarm"], rows)
+    return markdown_table(["metric", "shown as", "", "a smaller change is no alarm"], rows)
 
 
 def _least(item: Metric) -> str:
@@ -148,12 +211,13 @@ def _least(item: Metric) -> str:
 
 
 def marks(name: str) -> tuple[str, str]:
-    """What stands before and after a table."""
+    """Returns the comments before and after a table."""
     return f"<!-- table {name}: {COMMAND} -->\n", f"<!-- end of table {name} -->\n"
 
 
 def renewed(text: str, names: tuple[str, ...]) -> str:
-    """A page with its tables as the list says. Raises ValueError where the comments are gone."""
+    """Returns the page with its tables regenerated. Raises ValueError where a comment is
+    missing."""
     for name in names:
         begin, end = marks(name)
         head, _, rest = text.partition(begin)
@@ -165,7 +229,7 @@ def renewed(text: str, names: tuple[str, ...]) -> str:
 
 
 def headers() -> dict[Path, str]:
-    """The C++ of each of our systems' parameters, and where it stands."""
+    """Maps the path of each parameter header to its content, for the systems built here."""
     library = Library()
     found = ((name, library.system(name)) for name in library.systems())
     return {

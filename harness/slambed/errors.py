@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The one exception a user may see, and the exit codes (docs/formats.md, "Exit codes")."""
+"""The one exception a user may see, and the exit codes (docs/reference/exit-codes.md)."""
 
 from enum import IntEnum
 
@@ -24,15 +24,15 @@ class SlambedError(Exception):
 
 
 class PassingError(SlambedError):
-    """A failure of the environment that may go by itself: a daemon that restarts, a process that
-    somebody killed. Worth another try."""
+    """A failure of the environment that may be gone on the next try, such as a daemon that restarts
+    or a process that was killed."""
 
     def __init__(self, line: str, code: ExitCode = ExitCode.ENVIRONMENT) -> None:
         super().__init__(line, code)
 
 
 class KilledError(PassingError):
-    """A process that does the work of a run was killed: by somebody, or because memory ran out."""
+    """A process of a run was killed, by a user or because memory ran out."""
 
 
 class MissingDataError(SlambedError):
@@ -40,7 +40,8 @@ class MissingDataError(SlambedError):
 
 
 def no_space(where: object) -> SlambedError:
-    """A full disk. Everything is written whole or not at all, so work goes on from there."""
+    """Returns the error for a full disk. Files are written atomically, so the same command can
+    resume."""
     return environment_error(
         f"no space left on the disk of {where}; free some and give the same command again, "
         "what is finished stays"
@@ -48,5 +49,6 @@ def no_space(where: object) -> SlambedError:
 
 
 def environment_error(line: str) -> SlambedError:
-    """A privilege, device, port or disk refused; not the user's input."""
+    """Returns the error for a missing privilege, device, port or disk, which is not the user's
+    input."""
     return SlambedError(line, ExitCode.ENVIRONMENT)

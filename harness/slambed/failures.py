@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a command says of whatever ended it: one line and a documented exit code."""
+"""Turns the exception that ended a command into one line and a documented exit code."""
 
 import errno
 import os
@@ -11,7 +11,7 @@ import typer
 from slambed.errors import ExitCode, SlambedError, environment_error, no_space
 
 INTERRUPTED = 130
-"""128 + SIGINT, as shells have it."""
+"""128 + SIGINT, as in shells."""
 REMEDIES = {
     errno.EDQUOT: "free some of your quota and give the same command again",
     errno.EFBIG: "raise the limit on the size of a file ('ulimit -f') and give the same command "
@@ -21,11 +21,12 @@ REMEDIES = {
     errno.ENAMETOOLONG: "choose a shorter path",
     errno.ESTALE: "mount the file server's folder again and give the same command again",
 }
-"""Why a file could not be written, besides a full disk -> what to do."""
+"""Maps the errno of a failed write, other than a full disk, to a remedy."""
 
 
 def line_and_code(error: BaseException) -> tuple[str, int]:
-    """Without its `error: `; with SLAMBED_DEBUG what is no known failure leaves its traceback."""
+    """Returns the line without `error: ` and the exit code. With SLAMBED_DEBUG, an unknown failure
+    also prints its traceback."""
     if isinstance(error, SlambedError):
         return str(error), int(error.code)
     if isinstance(error, KeyboardInterrupt | typer.Abort):
@@ -37,7 +38,7 @@ def line_and_code(error: BaseException) -> tuple[str, int]:
     if (refused := refused_write(error)) is not None:
         return str(refused), int(refused.code)
     if isinstance(error, PermissionError):
-        # Whoever owns it: a file that we may not touch is no bug of ours.
+        # A file without permission is no bug of ours, whoever owns it.
         line = f"{error.filename}: {error.strerror}; change its rights, or be who may"
         return line, int(ExitCode.ENVIRONMENT)
     if os.environ.get("SLAMBED_DEBUG"):
@@ -49,11 +50,11 @@ def line_and_code(error: BaseException) -> tuple[str, int]:
 
 
 def refused_write(error: BaseException | None) -> SlambedError | None:
-    """What a disk that refused to take a file says behind an error; a library that closes its
-    half-written file may fail once more over it, in another way."""
+    """Returns the refused write behind an error, or None. It searches the whole chain, because a
+    library that closes a half-written file may fail again with another error."""
     while error is not None:
         if isinstance(error, OSError):
-            # Of a copy, the second name is the one that is written.
+            # For a copy, the second name is the target.
             place = error.filename2 or error.filename or _written(error) or "the results"
             if error.errno == errno.ENOSPC:
                 return no_space(place)
@@ -65,8 +66,8 @@ def refused_write(error: BaseException | None) -> SlambedError | None:
 
 
 def _written(error: OSError) -> Path | None:
-    """A file that is open does not know its name when it refuses; the method of the Path that
-    writes it does."""
+    """Returns the path being written: an OSError of an open file has no name, but the frame of the
+    writing Path method does."""
     for frame, _ in traceback.walk_tb(error.__traceback__):
         if isinstance(path := frame.f_locals.get("self"), Path):
             return path

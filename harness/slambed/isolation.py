@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Other software's packages stay outside: a sourced ROS, or any PYTHONPATH, would put its numpy
-before the one that this environment was made with."""
+"""Removes foreign packages from sys.path: a sourced ROS, or any PYTHONPATH, would put its numpy
+before the one of this environment."""
 
 import os
 import site
@@ -8,14 +8,15 @@ import sys
 from pathlib import Path
 
 OURS = Path(__file__).resolve().parents[1]
-"""Where this package lies. Whoever names it in PYTHONPATH wants this very code."""
+"""Folder of this package; in PYTHONPATH it is kept, because the user asks for this very code."""
 left_out: list[str] = []
-"""Folders of PYTHONPATH that nothing is imported from, for the doctor."""
+"""Ignored folders of PYTHONPATH, shown by the doctor."""
 
 
 def isolate() -> None:
-    """For this process and all that it starts, before anything but the standard library is there.
-    What an interpreter imports by itself (sitecustomize) has been by then."""
+    """Isolates this process and its children; call it before any import beyond the standard
+    library. Modules that Python itself imports at startup (sitecustomize) are already loaded by
+    then."""
     given = [entry for entry in os.environ.pop("PYTHONPATH", "").split(os.pathsep) if entry]
     usual = {place.resolve() for place in (*map(Path, site.getsitepackages()), OURS)}
     left_out[:] = [entry for entry in given if Path(entry).resolve() not in usual]

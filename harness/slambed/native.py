@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Finds the files beside this package and the C++ programs: slambed-node, -sim, -relay, -pace,
--synth and -play."""
+"""Finds the repository's files and the C++ programs: slambed-node, -sim, -relay, -pace, -synth and
+-play."""
 
 import hashlib
 import os
@@ -13,19 +13,19 @@ SIMULATION = "slambed-sim"
 
 
 CHECKOUT = "checkout"
-"""Of an installed package: what a run needs of the checkout that it was made from (setup.py)."""
+"""Folder of an installed package with the files of the checkout that a run needs (setup.py)."""
 
 
 def repository_root() -> Path:
-    """The checkout this package runs from, or what an installed package has of one; experiments,
-    profiles, datasets and the sources of the programs lie in it."""
+    """Returns the checkout, or an installed package's copy of it. It has the experiments, profiles,
+    datasets and C++ sources."""
     package = Path(__file__).resolve().parent
     return package / CHECKOUT if is_installed() else package.parents[1]
 
 
 def left_behind(file: Path) -> str:
-    """What to do about a file of one's own, missing at `catalog/<kind>/<name>`, that still lies at
-    `<kind>/<name>`, which was read until the catalog had a folder; empty where none lies there."""
+    """Returns advice for a user's file that is missing at `catalog/<kind>/<name>` but exists at the
+    former place `<kind>/<name>`; empty where it does not."""
     kind = file.parent
     former = kind.parent.parent / kind.name / file.name
     if kind.parent.name != "catalog" or not former.is_file():
@@ -34,12 +34,13 @@ def left_behind(file: Path) -> str:
 
 
 def is_installed() -> bool:
-    """True for a package from a wheel, which must not write beside itself."""
+    """Returns whether the package comes from a wheel; then it must not write into its own
+    folder."""
     return (Path(__file__).resolve().parent / CHECKOUT).is_dir()
 
 
 def cache_folder() -> Path:
-    """$SLAMBED_CACHE, else $XDG_CACHE_HOME/slambed, else ~/.cache/slambed."""
+    """Returns $SLAMBED_CACHE, else $XDG_CACHE_HOME/slambed, else ~/.cache/slambed."""
     if configured := os.environ.get("SLAMBED_CACHE"):
         return Path(configured).expanduser()
     base = os.environ.get("XDG_CACHE_HOME") or "~/.cache"
@@ -47,8 +48,8 @@ def cache_folder() -> Path:
 
 
 def build_folder() -> Path:
-    """Where programs are compiled: build/ of a checkout; for an installed package a folder in the
-    cache, of its own for every place that it may be installed in."""
+    """Returns where programs are compiled: build/ of a checkout; for an installed package, a folder
+    in the cache that is unique to its install path."""
     root = repository_root()
     if not is_installed():
         return root / "build"
@@ -56,12 +57,12 @@ def build_folder() -> Path:
 
 
 def how_to_build() -> str:
-    """The command, in quotes, for a line of an error."""
+    """Returns the build command in quotes, for error messages."""
     return "'slambed setup'" if is_installed() else "'make build'"
 
 
 def find_program(name: str) -> Path:
-    """Path of a built program: $SLAMBED_BIN first, then where they are compiled."""
+    """Returns the path of a built program: $SLAMBED_BIN first, then the build folder."""
     folders = [build_folder() / "bin"]
     if configured := os.environ.get("SLAMBED_BIN"):
         folders.insert(0, Path(configured))

@@ -21,12 +21,12 @@ from slambed.errors import SlambedError
 from slambed.report.load import load
 
 OF_A_RUN = ("run_key", "cell", "label", "repetition", "seed")
-"""Columns of `Results.runs` that stand before those of every table of single runs."""
+"""Columns of `Results.runs` that are put before those of every table per run."""
 TRAJECTORIES = {"final": "trajectory.txt", "live": "trajectory_live.txt"}
 
 
 class Results:
-    """The results folder of an experiment. Raises SlambedError when it is none."""
+    """The results folder of an experiment. Raises SlambedError when the folder has no results."""
 
     def __init__(self, folder: str | Path) -> None:
         self._loaded = load(Path(folder))
@@ -34,27 +34,28 @@ class Results:
         self.title = self._loaded.title
 
     def __repr__(self) -> str:
-        """Folder, experiment, systems, runs and how many of them count, in a line."""
+        """Returns folder, experiment, systems, runs and valid runs in one line."""
         return repr(self._loaded)
 
     @property
     def runs(self) -> pd.DataFrame:
-        """One row per run: the keys of summary.json (docs/formats.md), `label`, `params.<name>`."""
+        """Returns one row per run: the keys of summary.json (docs/reference/summary.md), `label`,
+        `params.<name>`."""
         return self._loaded.runs
 
     @property
     def valid_runs(self) -> pd.DataFrame:
-        """Those of them that count."""
         return self._loaded.valid_runs
 
     @property
     def problems(self) -> list[str]:
-        """What is torn, missing or foreign in the folder."""
+        """Returns what is damaged, missing or unknown in the folder."""
         return self._loaded.problems
 
     @property
     def cells(self) -> pd.DataFrame:
-        """One row per cell: valid `runs`, and the median of every number over them."""
+        """Returns one row per cell: the number of valid `runs`, and the median of every number over
+        them."""
         numbers = [key for key in self._loaded.numbers() if key not in OF_A_RUN]
         valid = self.valid_runs[["cell", *numbers]].copy()
         valid[numbers] = valid[numbers].apply(pd.to_numeric, errors="coerce")
@@ -64,27 +65,28 @@ class Results:
         return medians
 
     def events(self, *types: str) -> pd.DataFrame:
-        """Events of all valid runs (of these types; all without one), run time in `t_ns`;
-        columns that no event of these types has are left out."""
+        """Returns the events of all valid runs, of these types or of all without one; `t_ns` is run
+        time. Columns without a value are left out when types are given."""
         return self._tables("events", types)
 
     def samples(self) -> pd.DataFrame:
-        """CPU, memory, throttling and RTT, ten times a second, of all valid runs."""
+        """Returns CPU, memory, throttling and RTT of all valid runs, sampled at 10 Hz."""
         return self._tables("samples")
 
     def link(self) -> pd.DataFrame:
-        """Series of the link (asked, applied, probed RTT, drops) of all valid runs."""
+        """Returns the link's time series (requested, applied, probed RTT, drops) of all valid
+        runs."""
         return self._tables("link")
 
     def trajectory(self, run_key: str, which: str = "final") -> pd.DataFrame:
-        """Camera to world: t_s, x, y, z, qx, qy, qz, qw; `which`: final or live."""
+        """Returns camera-to-world poses as t_s, x, y, z, qx, qy, qz, qw; `which`: final or live."""
         if which not in TRAJECTORIES:
             raise SlambedError(f"no trajectory '{which}'; known: {', '.join(TRAJECTORIES)}")
         found = self._loaded.trajectory(run_key, TRAJECTORIES[which])
         return _frame(found, f"run {run_key} has no {TRAJECTORIES[which]}")
 
     def groundtruth(self, dataset: str) -> pd.DataFrame:
-        """The true path of a dataset, with the same columns."""
+        """Returns the ground truth of a dataset, with the columns of `trajectory`."""
         return _frame(self._loaded.groundtruth(dataset), f"{dataset} has no ground truth here")
 
     def _tables(self, name: str, types: tuple[str, ...] = ()) -> pd.DataFrame:
@@ -96,7 +98,7 @@ class Results:
             if types:
                 table = table[table["type"].isin(types)].dropna(axis=1, how="all")
             for column, value in reversed(list(row.items())):
-                # What a table has of its own under such a name stays.
+                # A column that the table already has under this name is kept.
                 if column not in table:
                     table.insert(0, column, value)
             parts.append(table)
@@ -111,9 +113,10 @@ def run(
     runs: int | None = None,
     results: str | Path = "results",
 ) -> Results:
-    """Executes what is missing of an experiment: its name, its file, or its content with an `id`.
+    """Executes the missing runs of an experiment, given as a name, a file, or its content with an
+    `id`.
 
-    Raises SlambedError for what the command `slambed run` refuses.
+    Raises SlambedError where the command `slambed run` would.
     """
     from slambed.campaign.options import Options
     from slambed.campaign.run_experiment import run_experiment
@@ -134,7 +137,8 @@ def run(
 
 
 def _seen_from_here(experiment: Mapping[str, Any]) -> dict[str, Any]:
-    """Files that it names are seen from where we work: it has no file of its own."""
+    """Resolves named files against the working directory, because the experiment has no file of its
+    own."""
 
     def seen(named: Any) -> Any:
         is_file = isinstance(named, str) and named.endswith((".yaml", ".yml"))

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Names of before, and what they are today: the one place that knows them. Kept results and users'
-own files may hold the old ones; whatever reads such a file asks here."""
+"""Maps former names to today's. Stored results and users' files may hold former names; every reader
+of such files uses this module."""
 
 from collections.abc import Collection, Mapping
 from typing import Any, TypeVar
@@ -10,7 +10,7 @@ from pydantic import BeforeValidator
 Value = TypeVar("Value")
 
 EVENTS = {"initialised": "initialized", "relocalised": "relocalized"}
-"""Types of events."""
+"""Event types."""
 
 FIELDS = {
     "incarnation": "session",
@@ -18,17 +18,17 @@ FIELDS = {
     "relocalisation": "relocalization",
     "travelled_m": "traveled_m",
 }
-"""Fields of events, and columns of events.parquet."""
+"""Event fields, and columns of events.parquet."""
 
 STAGES = {
     "relocalise": "relocalize",
     "serialise": "serialize",
     "serialise_text": "serialize_text",
 }
-"""Stages of nodes: `name` of events `stage`, keys of a device's cost model."""
+"""Stages of nodes: `name` of `stage` events, keys of a device's cost model."""
 
 STATES = {"not_initialised": "not_initialized"}
-"""States of tracking: `state` of events."""
+"""Tracking states: `state` of events."""
 
 METRICS = {
     "relocalisations": "relocalizations",
@@ -60,15 +60,16 @@ LEDGER = {"trusted": "valid", "distrust": "invalid_reason"}
 """Keys of a line of ledger.jsonl."""
 
 OUTCOMES = {"mobile_died": "died", "edge_died": "died", "timeout": "timed_out"}
-"""Outcomes from when a run had one word for how it ended. What is not listed was the harness's or
-the link's doing, so the system itself had completed."""
+"""Former outcomes that mean the system failed. All others blamed the harness or the link, so the
+system itself had completed."""
 
 OF_VALUES = {"type": EVENTS, "state": STATES, "name": STAGES}
-"""Fields of events with names in them."""
+"""Event fields whose values are names."""
 
 
 def keys_today(found: Mapping[str, Value], names: Mapping[str, str]) -> dict[str, Value]:
-    """The same under today's keys, in the same order; what has both keeps today's."""
+    """Returns the mapping under today's keys in the same order. If both keys are present, today's
+    wins."""
     return {
         names.get(key, key): value
         for key, value in found.items()
@@ -77,7 +78,8 @@ def keys_today(found: Mapping[str, Value], names: Mapping[str, str]) -> dict[str
 
 
 def event_today(event: dict[str, Any]) -> dict[str, Any]:
-    """An event in today's words: itself where it has no other ones, which is nearly always."""
+    """Returns the event under today's names, changed in place where it can be. Most events have no
+    former names."""
     if not FIELDS.keys().isdisjoint(event):
         event = keys_today(event, FIELDS)
     for field, names in OF_VALUES.items():
@@ -87,12 +89,12 @@ def event_today(event: dict[str, Any]) -> dict[str, Any]:
 
 
 def types_then(types: Collection[str]) -> list[str]:
-    """Types of events with those that they had before, to look for in a stored table."""
+    """Returns the event types and their former names, to look up in a stored table."""
     return [*types, *(old for old, new in EVENTS.items() if new in types)]
 
 
 def in_keys(names: Mapping[str, str]) -> BeforeValidator:
-    """For a field of a model that is a mapping: its keys in today's words."""
+    """Returns a validator for a model's mapping field that renames its keys to today's."""
     return BeforeValidator(lambda found: keys_today(found, names) if _is_map(found) else found)
 
 
@@ -101,10 +103,10 @@ def _is_map(found: object) -> bool:
 
 
 def summary_of_today(content: Mapping[str, Value]) -> dict[str, Any]:
-    """A summary with today's keys.
+    """Returns a summary under today's keys.
 
-    The oldest ones knew only `valid` and `invalid_reason`, and called a run invalid whose system
-    died. Today that is a valid run with another outcome.
+    The oldest summaries had only `valid` and `invalid_reason`, and called a run invalid when its
+    system died. Today such a run is valid with another outcome.
     """
     summary: dict[str, Any] = keys_today(content, SUMMARY)
     oldest = "valid" in content and "not_completed" not in content and "outcome" in content
@@ -125,10 +127,10 @@ def summary_of_today(content: Mapping[str, Value]) -> dict[str, Any]:
 
 
 def manifest_of_today(content: Mapping[str, Any]) -> dict[str, Any]:
-    """A manifest with today's keys.
+    """Returns a manifest under today's keys.
 
-    The oldest ones had one `invalid_reason`, for how the system ended and for why the circumstances
-    were not as asked alike.
+    The oldest manifests had one `invalid_reason`, both for a failed system and for wrong
+    conditions.
     """
     manifest = keys_today(content, MANIFEST)
     link = manifest.get("link")

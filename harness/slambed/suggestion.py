@@ -1,18 +1,19 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Did you mean ...?"""
+"""Suggestions for mistyped names."""
 
 from collections.abc import Iterable
 from difflib import get_close_matches
 
 
 def suggestion(word: str, known: Iterable[str]) -> str:
-    """`did you mean 'x'?` for a near miss, else the list of what would be right."""
+    """Returns `did you mean 'x'?` for a near miss, else the list of known names."""
     names = sorted(set(known))
     return _near(word, names) or (f"known: {', '.join(names)}" if names else "")
 
 
 def did_you_mean(word: str, known: Iterable[str]) -> str:
-    """`, did you mean 'x'?` for a near miss, or nothing: what is known is reported elsewhere."""
+    """Returns `, did you mean 'x'?` for a near miss, else nothing; the known names are listed
+    elsewhere."""
     near = _near(word, list(known))
     return f", {near}" if near else ""
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Where tables are printed, and what a script gets instead."""
+"""Prints tables for terminals and JSON for scripts."""
 
 import json
 import os
@@ -26,15 +26,15 @@ WIDTH_WITHOUT_TERMINAL = 160
 
 
 def console() -> Console:
-    """A log file or pipe has no width: wide tables are not folded there. Text is shown as it is:
-    the unit in `RTT [ms]` is no markup."""
+    """Returns a console that does not fold wide tables in log files and pipes. Markup is off,
+    because `RTT [ms]` would be read as a tag."""
     if sys.stdout.isatty() or "COLUMNS" in os.environ:
         return Console(markup=False)
     return Console(width=WIDTH_WITHOUT_TERMINAL, markup=False)
 
 
 def lists_alone(app: typer.Typer, listing: Callable[[bool], None]) -> None:
-    """The command without another one is its `list`, as in all of them that have one."""
+    """Adds the `list` command, which also runs when no subcommand is given."""
 
     @app.callback(invoke_without_command=True, help=str(app.info.help))
     def alone(context: typer.Context, as_json: JsonOption = False) -> None:
@@ -45,12 +45,12 @@ def lists_alone(app: typer.Typer, listing: Callable[[bool], None]) -> None:
 
 
 def print_json(value: object) -> None:
-    """One document and a line's end, as every `--json` gives it (docs/formats.md)."""
+    """Prints one JSON document, as every `--json` does (docs/reference/json-output.md)."""
     typer.echo(json.dumps(value, indent=2, ensure_ascii=False, allow_nan=False))
 
 
 def json_entry(name: str, load: Callable[[str], "BaseModel"]) -> dict[str, object]:
-    """One file of a list; one that cannot be read says why there."""
+    """Returns a list's entry for one file; an unreadable file has an `error` instead."""
     try:
         return {"name": name, **load(name).model_dump(mode="json")}
     except SlambedError as error:

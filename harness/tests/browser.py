@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A headless Chromium, asked over its debugging pipe: no driver, no port, no further package."""
+"""A headless Chromium controlled through its debugging pipe, without driver, port or further
+package."""
 
 import base64
 import json
@@ -13,7 +14,7 @@ from select import select
 from typing import Any
 
 WAIT_S = 60.0
-"""For whatever shall come to be: beside compilers a page takes its time."""
+"""General timeout: next to compilers a page is slow."""
 
 
 class Page:
@@ -24,7 +25,7 @@ class Page:
         self._rest = b""
         self._number = 0
         self.problems: list[str] = []
-        """What scripts threw and what the page's policy refused."""
+        """Exceptions of scripts and violations of the page's policy."""
         target = self._ask("Target.createTarget", {"url": "about:blank"})["targetId"]
         attached = self._ask("Target.attachToTarget", {"targetId": target, "flatten": True})
         self._session = attached["sessionId"]
@@ -32,7 +33,7 @@ class Page:
             self.ask(f"{domain}.enable")
 
     def ask(self, method: str, **parameters: Any) -> dict[str, Any]:
-        """One command of the DevTools protocol to the page."""
+        """Sends a command of the DevTools protocol to the page."""
         return self._ask(method, parameters, self._session)
 
     def _ask(
@@ -67,7 +68,7 @@ class Page:
         return message
 
     def size(self, width: int, height: int = 900) -> None:
-        """As wide as a screen of so many pixels."""
+        """Sets the size of the window."""
         self.ask(
             "Emulation.setDeviceMetricsOverride",
             width=width,
@@ -77,11 +78,11 @@ class Page:
         )
 
     def scripts(self, run: bool) -> None:
-        """Whether the pages opened from now on may run scripts."""
+        """Sets whether pages opened from now on may run scripts."""
         self.ask("Emulation.setScriptExecutionDisabled", value=not run)
 
     def prefers(self, scheme: str) -> None:
-        """`dark` or `light`."""
+        """Sets the color scheme, `dark` or `light`."""
         features = [{"name": "prefers-color-scheme", "value": scheme}]
         self.ask("Emulation.setEmulatedMedia", features=features)
 
@@ -92,7 +93,7 @@ class Page:
         self.until(ready)
 
     def value(self, expression: str) -> Any:
-        """What an expression is on the page; promises are waited for."""
+        """Returns the value of an expression on the page; waits for promises."""
         answer = self.ask(
             "Runtime.evaluate", expression=expression, returnByValue=True, awaitPromise=True
         )
@@ -107,11 +108,11 @@ class Page:
             time.sleep(0.05)
 
     def text(self, selector: str) -> str:
-        """What an element says."""
+        """Returns the text of an element."""
         return str(self.value(f"document.querySelector({json.dumps(selector)}).textContent"))
 
     def key(self, name: str, text: str = "") -> None:
-        """Presses and lets go of a key."""
+        """Presses and releases a key."""
         common = {"key": name, "code": name, "windowsVirtualKeyCode": KEYS.get(name, 0)}
         self.ask(
             "Input.dispatchKeyEvent", type="keyDown", **common, **({"text": text} if text else {})
@@ -119,11 +120,11 @@ class Page:
         self.ask("Input.dispatchKeyEvent", type="keyUp", **common)
 
     def mouse(self, kind: str, x: float, y: float, **further: Any) -> None:
-        """`mouseMoved`, `mousePressed`, `mouseReleased` or `mouseWheel`."""
+        """Sends `mouseMoved`, `mousePressed`, `mouseReleased` or `mouseWheel`."""
         self.ask("Input.dispatchMouseEvent", type=kind, x=x, y=y, **further)
 
     def drag(self, begin: tuple[float, float], end: tuple[float, float]) -> None:
-        """Presses, moves, lets go."""
+        """Presses, moves and releases the mouse."""
         held = {"button": "left", "buttons": 1, "clickCount": 1}
         self.mouse("mouseMoved", *begin)
         self.mouse("mousePressed", *begin, **held)
@@ -133,7 +134,7 @@ class Page:
         self.mouse("mouseReleased", *end, button="left", clickCount=1)
 
     def box(self, selector: str) -> dict[str, float]:
-        """Where an element is in the window, after it was scrolled into it."""
+        """Scrolls to an element and returns its position in the window."""
         found = json.dumps(selector)
         self.value(f"document.querySelector({found}).scrollIntoView({{block: 'center'}})")
         box: dict[str, float] = self.value(
@@ -143,12 +144,12 @@ class Page:
         return box
 
     def picture(self, path: Path) -> None:
-        """The whole page as PNG."""
+        """Writes the whole page as PNG."""
         shot = self.ask("Page.captureScreenshot", captureBeyondViewport=True)
         path.write_bytes(base64.b64decode(shot["data"]))
 
     def pdf(self) -> bytes:
-        """As it prints."""
+        """Returns the print version."""
         return base64.b64decode(self.ask("Page.printToPDF", printBackground=False)["data"])
 
 
@@ -158,12 +159,12 @@ KEYS = {"ArrowLeft": 37, "ArrowUp": 38, "ArrowRight": 39, "ArrowDown": 40, "Home
 
 @contextmanager
 def browser(program: str, profile: Path) -> Iterator[Page]:
-    """A browser of its own, with an empty profile."""
+    """Starts a browser with an empty profile."""
     to_browser, from_us = os.pipe()
     to_us, from_browser = os.pipe()
 
     def give() -> None:
-        # Its ends of the pipes are to be 3 and 4, whatever numbers these are on the way.
+        # Its pipe ends must be 3 and 4; dup first, in case these numbers are in use.
         low, high = os.dup(to_browser), os.dup(from_browser)
         os.dup2(low, 3)
         os.dup2(high, 4)
@@ -172,7 +173,7 @@ def browser(program: str, profile: Path) -> Iterator[Page]:
         program, "--headless=new", "--remote-debugging-pipe", "--no-first-run", "--disable-gpu",
         "--disable-dev-shm-usage", "--disable-background-networking", "--disable-extensions",
         "--hide-scrollbars", f"--user-data-dir={profile}",
-        # Chromium refuses its sandbox to root.
+        # Chromium's sandbox does not support root.
         *(["--no-sandbox"] if os.geteuid() == 0 else []), "about:blank",
     ]  # fmt: skip
     process = subprocess.Popen(

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""One campaign of short runs that meets seeded random faults, is called again until it is done, and
-is then looked at."""
+"""A campaign of short runs with seeded random faults: called again until it is done, then
+checked."""
 
 import contextlib
 import json
@@ -36,17 +36,17 @@ from slambed.errors import ExitCode
 
 COMMAND = "from slambed.commands.main import main; main()"
 MOST_HELD_S = 1.5
-"""How long something stays stopped, or the disk bad."""
+"""Maximum duration of a stop or a disk fault."""
 MOST_WORKERS = 3
 EARLY = 0.15
 """Share of calls that may meet a fault before they execute runs."""
 LEAST_JUMP_S, MOST_JUMP_S = 60.0, 120.0
 CLOCK_ERROR_MS = 50.0
-"""What a clock that was set and set back may be beside the right time: a busy host is late."""
+"""Tolerance of the clock after it was changed and restored on a busy host."""
 HANGS_S = 1200.0
 LOOK_EVERY_S = 0.01
 EXPECTED = {ExitCode.NOT_ALL_GOOD, ExitCode.ENVIRONMENT, 130, -signal.SIGKILL, -signal.SIGTERM}
-"""How a call that met faults may end."""
+"""Exit codes allowed after faults."""
 ALWAYS: list[tuple[Fault, int]] = [
     (Fault(KILL, "harness"), 3),
     (Fault(TERMINATE, "harness"), 1),
@@ -93,27 +93,28 @@ OF_KIND: dict[str, list[tuple[Fault, int]]] = {
 
 @dataclass(frozen=True)
 class Torment:
-    """What to do to one campaign."""
+    """The faults of one campaign."""
 
     kind: str
     seed: int
     jobs: int
     faults: int
     every_s: float
-    """Mean time between faults, where a fast host leaves it (chaos_instants.py)."""
+    """Mean time between faults; on a fast host they come earlier (chaos_instants.py)."""
     figures: bool = True
-    """Whether reports draw any: most of what a campaign of short runs computes."""
+    """Whether reports include figures, which take most of the CPU time in a campaign of short
+    runs."""
     only: tuple[str, ...] = ()
-    """These faults; else all of the kind."""
+    """Only these faults; default: all of the kind."""
     clock: bool = False
-    """Whether the host's time of day may jump, too."""
+    """Whether the host's time of day may also jump."""
     unprivileged: bool = False
-    """Called by somebody who is not root."""
+    """Runs as a user without root privileges."""
 
 
 @dataclass
 class Outcome:
-    """What came of it."""
+    """The result."""
 
     torment: Torment
     struck: list[str] = field(default_factory=list)
@@ -123,13 +124,13 @@ class Outcome:
     took_s: float = 0.0
 
     def line(self) -> str:
-        """As one line of a log."""
+        """Formats it as one line of a log."""
         return json.dumps(asdict(self))
 
 
 @dataclass
 class Campaign:
-    """A place with an experiment, and what to call."""
+    """An experiment, its folder, and the command to call."""
 
     place: Path
     experiment: Path
@@ -139,9 +140,9 @@ class Campaign:
     more: list[str] = field(default_factory=list)
     """Further arguments of the command."""
     daemon: Daemon | None = None
-    """Of the containers."""
+    """Docker daemon of the containers."""
     user: User | None = None
-    """Who calls the command; None: whoever calls this."""
+    """User that calls the command; None: the current user."""
 
     def __post_init__(self) -> None:
         t = self.torment
@@ -155,13 +156,13 @@ class Campaign:
         self._instants = Instants(seed, t.every_s)
         self.out = Outcome(t)
         self._held: list[tuple[float, str, Callable[[], None]]] = []
-        """When to let go of what was done to disk, clock or a process, and how."""
+        """(end, kind, function) of current faults of disk, clock or a process."""
         self._clock = Clock()
         self._log = self.folder / "log.txt"
         self._pids: list[int] = []
         self._cluster: Cluster | None = None
         if t.kind == "dask":
-            # What a killed scheduler leaves is its owner's: slambed was only given its address.
+            # A killed scheduler's leftovers are not slambed's, which only knows its address.
             own = self.folder / "cluster-tmp"
             own.mkdir()
             environment = self.environment() | {"TMPDIR": str(own)}
@@ -172,7 +173,7 @@ class Campaign:
                 self.user.own(path)
 
     def environment(self) -> dict[str, str]:
-        """Of everything that this campaign starts."""
+        """Environment of all processes of this campaign."""
         own = {faults.TOKEN: self.token, "TMPDIR": str(self.folder / "tmp"), "SLAMBED_DEBUG": "1"}
         if self.daemon is not None:
             own |= self.daemon.environment
@@ -181,7 +182,7 @@ class Campaign:
         return {**os.environ, **own}
 
     def play(self) -> Outcome:
-        """Calls the command until it is done, with faults; then looks at what is there."""
+        """Calls the command with faults until it is done, then checks the results."""
         began_s = time.monotonic()
         calm = 0
         try:
@@ -251,7 +252,8 @@ class Campaign:
                 extra_groups=[] if user else None,
             )
         self._pids.append(process.pid)
-        # Now and then while it starts; mostly once it executes runs, however slow the host is.
+        # Some faults hit the start of a call; most come once it executes runs, however slow the
+        # host is.
         early = self.rng.random() < EARLY
         began_ns, last_s = time.time_ns(), time.monotonic()
         self._instants.call(self._entries())
@@ -284,7 +286,7 @@ class Campaign:
             return False
 
     def _entries(self) -> int:
-        """Of runs in the ledger: how far the campaign has come."""
+        """Number of run entries in the ledger: the progress of the campaign."""
         try:
             ledger = (self.disk.folder / self.experiment.stem / "ledger.jsonl").read_bytes()
         except OSError:
@@ -306,7 +308,7 @@ class Campaign:
         return ([line for line in lines if line.startswith("error: ")] or lines)[-1][:300]
 
     def _strike(self, harness: int) -> bool:
-        """One of the faults of this kind; False when there is nothing that it could hit now."""
+        """Injects a fault of this kind; False if it has no target now."""
         choices = ALWAYS + OF_KIND[self.torment.kind]
         if self.torment.clock:
             choices += [(Fault(act), 3) for act in CLOCK]
@@ -370,7 +372,7 @@ class Campaign:
         return victim is not None
 
     def _let_go(self, everything: bool = False) -> None:
-        """Of what was held long enough."""
+        """Ends faults whose time is over."""
         now_s = time.monotonic()
         for item in list(self._held):
             until_s, _, release = item

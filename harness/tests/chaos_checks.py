@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What must be true of results and host after a campaign, whatever was done to it."""
+"""What must hold for results and host after a campaign, whatever faults it had."""
 
 import contextlib
 import fcntl
@@ -23,13 +23,13 @@ from slambed.files.json_file import read_object
 from slambed.metrics.digest import digest
 
 ALWAYS = ("manifest.json", "summary.json")
-"""What every run has."""
+"""Files of every run."""
 ENDS_WITHIN_S = 10.0
-"""A process whose harness was killed has this long to see it."""
+"""Time for a process to notice that its harness was killed."""
 
 
 def problems_of_results(folder: ResultFolder) -> list[str]:
-    """Runs lost, double or torn, and what should not lie beside them."""
+    """Lists missing, duplicate and truncated runs, and unexpected files."""
     planned = read_object(folder.path / "experiment.json") or {}
     keys = {str(run["run_key"]) for run in planned.get("runs", [])}
     found: list[str] = []
@@ -61,7 +61,7 @@ def problems_of_results(folder: ResultFolder) -> list[str]:
 
 
 def _torn(place: Path) -> list[str]:
-    """What is wrong with the folder of one run."""
+    """Lists the problems of a run's folder."""
     found = [f"no {name}" for name in ALWAYS if read_object(place / name) is None]
     if not found:
         reported = (read_object(place / "manifest.json") or {}).get("results_sha256")
@@ -75,7 +75,7 @@ def _torn(place: Path) -> list[str]:
 
 
 def problems_of_bytes(folder: ResultFolder, reference: dict[str, str]) -> list[str]:
-    """Files that an undisturbed campaign has otherwise."""
+    """Lists files that differ from those of an undisturbed campaign."""
     here = fingerprints(folder)
     names = sorted(here.keys() | reference.keys())
     return [f"other bytes: {name}" for name in names if here.get(name) != reference.get(name)]
@@ -89,7 +89,7 @@ def problems_of_host(
     empty: Path,
     daemon: Daemon | None = None,
 ) -> list[str]:
-    """Processes, locks, control groups, containers and temporary files that are left."""
+    """Lists leftover processes, locks, cgroups, containers and temporary files."""
     deadline = time.monotonic() + ENDS_WITHIN_S
     group = daemon.cgroup if daemon is not None else ""
     while (left := processes(token, group)) and time.monotonic() < deadline:
@@ -109,7 +109,7 @@ def problems_of_host(
 
 
 def _is_held(path: Path, pids: list[int]) -> bool:
-    """By one of these: that of the host may be another campaign's now."""
+    """Checks these holders only: the host lock may belong to another campaign by now."""
     if (read_object(path) or {}).get("pid") not in pids:
         return False
     with path.open("r+") as handle:
@@ -121,7 +121,7 @@ def _is_held(path: Path, pids: list[int]) -> bool:
 
 
 def _containers(keys: list[str], daemon: Daemon | None) -> list[str]:
-    """Of these runs, and on a daemon of our own any."""
+    """Containers of these runs; with a separate daemon, all containers."""
     try:
         client = daemon.client if daemon is not None else docker.from_env(timeout=20)
         found = client.containers.list(all=True, filters={"label": LABEL})

@@ -1,11 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Jumps of the host's time of day, taken back by the clock that nobody can set."""
+"""Jumps of the host's time of day, reverted with the monotonic clock."""
 
 import time
 
 
 class Clock:
-    """CLOCK_REALTIME, and where it was beside CLOCK_MONOTONIC when this was made."""
+    """CLOCK_REALTIME, and its initial offset to CLOCK_MONOTONIC."""
 
     def __init__(self) -> None:
         self._offset_ns = self._now_ns()
@@ -15,7 +15,7 @@ class Clock:
         return time.clock_gettime_ns(time.CLOCK_REALTIME) - time.monotonic_ns()
 
     def jump(self, seconds: float) -> bool:
-        """Sets it so far beside the right time; False where that is not allowed."""
+        """Sets it off by this time; False without permission."""
         there_ns = self._offset_ns + round(seconds * 1e9)
         try:
             time.clock_settime_ns(time.CLOCK_REALTIME, time.monotonic_ns() + there_ns)
@@ -24,9 +24,9 @@ class Clock:
         return True
 
     def restore(self) -> None:
-        """To the right time."""
+        """Restores the correct time."""
         self.jump(0.0)
 
     def error_ms(self) -> float:
-        """How far it is beside the right time."""
+        """Returns the deviation from the correct time."""
         return (self._now_ns() - self._offset_ns) / 1e6

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A Dask scheduler with workers for a campaign that meets faults: what dies is started again."""
+"""A Dask scheduler with workers for a campaign with faults: dead processes are restarted."""
 
 import os
 import socket
@@ -14,7 +14,7 @@ LOOK_EVERY_S = 0.2
 
 
 class Cluster:
-    """A scheduler at one address and workers without nannies, kept up until `close`."""
+    """A scheduler at one address and workers without nannies, restarted until `close`."""
 
     def __init__(self, folder: Path, environment: dict[str, str], workers: int) -> None:
         self._folder = folder

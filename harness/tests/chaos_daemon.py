@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A Docker daemon of a campaign's own, which may be killed, stopped and started again while the
-host's daemon and its containers notice nothing."""
+"""A campaign's own Docker daemon, which can be killed, stopped and restarted without affecting
+the host's daemon and containers."""
 
 import contextlib
 import json
@@ -27,15 +27,15 @@ STARTS_WITHIN_S = 60.0
 STOPS_WITHIN_S = 30.0
 LOOK_EVERY_S = 0.1
 AWAY_S = 1.0
-"""How long a daemon that ended stays away: about what an init system takes."""
+"""Time without a daemon before its restart: about that of an init system."""
 
 
 class Daemon:
-    """dockerd with containerd, their data, socket and control groups below names of their own; it
-    is started again whenever it ends, until `close`."""
+    """dockerd with containerd, with its own data, socket and cgroup names; restarted whenever it
+    ends, until `close`."""
 
     def __init__(self, folder: Path, group: int) -> None:
-        """`group` may speak to it. SlambedError or OSError where there is no dockerd."""
+        """`group` may use its socket. Raises SlambedError or OSError without dockerd."""
         self._folder = folder
         folder.mkdir()
         self.socket = folder / "docker.sock"
@@ -49,7 +49,7 @@ class Daemon:
             "pidfile": str(folder / "docker.pid"),
             "hosts": [f"unix://{self.socket}"],
             "group": str(group),
-            # Not "none": a daemon without a bridge removes docker0, which is the host's daemon's.
+            # Not "none": a daemon without a bridge would remove docker0 of the host's daemon.
             "bridge": self._bridge,
             "iptables": False,
             "ip-masq": False,
@@ -65,12 +65,12 @@ class Daemon:
 
     @property
     def environment(self) -> dict[str, str]:
-        """Of whoever shall speak to it."""
+        """Environment of its clients."""
         return {"DOCKER_HOST": f"unix://{self.socket}"}
 
     def _start(self) -> subprocess.Popen[bytes]:
-        # Of a daemon that was killed. The numbers may be anybody's by now, or of a containerd that
-        # is dead but not waited for, for which the new daemon would wait 15 s.
+        # From a killed daemon. The process ids may be reused, or belong to a containerd zombie, for
+        # which the new daemon would wait 15 s.
         for pid in ("docker.pid", "exec/containerd/containerd.pid"):
             (self._folder / pid).unlink(missing_ok=True)
         with (self._folder / "log.txt").open("ab") as log:
@@ -99,7 +99,7 @@ class Daemon:
                 self._process = self._start()
 
     def copy(self, image: str) -> None:
-        """Brings an image of the host's daemon here."""
+        """Copies an image from the host's daemon."""
         saved = subprocess.Popen(["docker", "save", image], stdout=subprocess.PIPE)
         subprocess.run(
             ["docker", "load", "--quiet"],
@@ -112,7 +112,7 @@ class Daemon:
             raise RuntimeError(f"docker save {image} failed")
 
     def processes(self) -> dict[str, psutil.Process]:
-        """The daemon itself and its containerd, by their names."""
+        """Returns the daemon and its containerd by name."""
         found = {}
         with contextlib.suppress(psutil.Error):
             found["dockerd"] = daemon = psutil.Process(self._process.pid)
@@ -122,7 +122,7 @@ class Daemon:
         return found
 
     def container(self, role: str) -> Any | None:
-        """The running container that has this role."""
+        """Returns the running container with this role."""
         with contextlib.suppress(*DAEMON_ERRORS):
             filters = {"label": f"{LABEL}.role={role}", "status": "running"}
             for found in self.client.containers.list(filters=filters):
@@ -134,7 +134,7 @@ class Daemon:
         self._connected().close()
 
     def close(self) -> None:
-        """Ends it; nothing of it is left."""
+        """Ends it and removes everything."""
         self._over.set()
         self._keeper.join(LIMIT_S)
         with contextlib.suppress(*DAEMON_ERRORS):
@@ -144,7 +144,7 @@ class Daemon:
         self._process.terminate()
         with contextlib.suppress(subprocess.TimeoutExpired):
             self._process.wait(STOPS_WITHIN_S)
-        # A daemon that was killed leaves those, which serve its containers.
+        # A killed daemon leaves the shims of its containers.
         for process in self._ours():
             with contextlib.suppress(psutil.Error):
                 process.kill()
@@ -152,7 +152,7 @@ class Daemon:
             subprocess.run(["umount", "--lazy", mount], check=False)
         shutil.rmtree(self._folder, ignore_errors=True)
         _remove_bridge(self._bridge)
-        # Those of containers lie below, where the daemon's end left them.
+        # Cgroups of containers are nested, wherever the daemon left them.
         for group in Path("/sys/fs/cgroup").glob(f"**/{self.cgroup}"):
             below = [path for path in group.rglob("*") if path.is_dir()]
             for path in [*sorted(below, reverse=True), group]:
@@ -167,7 +167,8 @@ class Daemon:
 
 
 def _add_bridge(name: str) -> None:
-    """With an address, which dockerd asks for, and no way out: containers have no network."""
+    """Creates a bridge with an address, which dockerd requires, but no route: containers have no
+    network."""
     with IPRoute() as route:
         route.link("add", ifname=name, kind="bridge")
         index = route.link_lookup(ifname=name)[0]

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Faults that a campaign meets from outside: processes that are killed, stopped or asked to end, a
-disk that is full, without inodes, or with a folder that has become read-only.
+"""External faults of a campaign: processes that are killed, stopped or terminated; a disk that is
+full, without inodes, or with a read-only folder.
 
-All processes of a campaign carry a token in their environment, so whatever is started is found, and
-nothing else is hit.
+All processes of a campaign have a token in their environment, which identifies them and protects
+all others.
 """
 
 import contextlib
@@ -28,8 +28,8 @@ LEAST_FILL = 4096
 
 
 def processes(token: str, group: str = "") -> list[psutil.Process]:
-    """Everything alive that was started for this campaign, be it in containers: their processes
-    carry no token, but are in control groups below the one of this name."""
+    """Returns all live processes of this campaign. Processes in containers have no token, but
+    are in cgroups below the one of this name."""
     found = []
     for process in psutil.process_iter():
         with contextlib.suppress(psutil.Error):
@@ -56,11 +56,11 @@ MARKS = {
     "-m dask scheduler": "Dask scheduler",
     "multiprocessing.resource_tracker": "resource tracker",
 }
-"""What a command line has in it -> what the process is."""
+"""Part of a command line -> role of the process."""
 
 
 def role_of(process: psutil.Process, harness: int) -> str:
-    """What a process of a campaign is, in the words of the faults; empty for what is none."""
+    """Returns the role of a process as faults name it; empty for none."""
     if process.pid == harness:
         return "harness"
     command = " ".join(process.cmdline())
@@ -78,7 +78,7 @@ def role_of(process: psutil.Process, harness: int) -> str:
 
 @dataclass(frozen=True)
 class Fault:
-    """What to do to what."""
+    """An action and its target."""
 
     act: str
     target: str = ""
@@ -90,7 +90,7 @@ class Fault:
 
 @dataclass
 class Disk:
-    """Where results go: a small file system of their own, or (not root) a plain folder."""
+    """The results' disk: a separate small file system, or (without root) a plain folder."""
 
     folder: Path
     own: bool
@@ -106,13 +106,13 @@ class Disk:
             _mount("-t", "tmpfs", "-o", options, "slambed-chaos", str(self.folder))
 
     def remove(self) -> None:
-        """Nothing is left mounted."""
+        """Unmounts and removes it."""
         self.heal()
         if self.own:
             subprocess.run(["umount", "--lazy", str(self.folder)], check=True)
 
     def strike(self, act: str, rng: random.Random) -> bool:
-        """Makes it bad; False when that could not be."""
+        """Damages it; False if that was not possible."""
         if not self.own:
             return False
         strikes: dict[str, Callable[[random.Random], bool]] = {
@@ -152,7 +152,7 @@ class Disk:
         return done.returncode == 0
 
     def heal(self) -> None:
-        """As it was."""
+        """Restores it."""
         for folder in self._fixed:
             subprocess.run(["chattr", "-i", str(folder)], capture_output=True, check=False)
         for filler in self._fillers:
@@ -172,7 +172,7 @@ def _mount(*arguments: str) -> None:
 def strike(
     fault: Fault, alive: list[psutil.Process], harness: int, rng: random.Random
 ) -> psutil.Process | None:
-    """Does it to one of the processes that have this role now; None when there is none."""
+    """Acts on one of the processes with this role; None if there is none."""
     found = []
     for process in alive:
         with contextlib.suppress(psutil.Error):
@@ -185,7 +185,7 @@ def strike(
 
 
 def signal_to(victim: psutil.Process, act: str) -> bool:
-    """False when it has gone meanwhile."""
+    """Returns False if it has gone."""
     try:
         victim.send_signal(SIGNALS[act])
     except psutil.Error:
@@ -194,6 +194,6 @@ def signal_to(victim: psutil.Process, act: str) -> bool:
 
 
 def wake(process: psutil.Process) -> None:
-    """After a SIGSTOP."""
+    """Continues a process after SIGSTOP."""
     with contextlib.suppress(psutil.Error):
         process.send_signal(signal.SIGCONT)

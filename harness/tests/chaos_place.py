@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Where campaigns are tormented: a generated sequence, an experiment, a warm cache, and the files
-that an undisturbed virtual campaign has."""
+"""Setup of chaos campaigns: a generated sequence, an experiment, a warm cache, and the files of
+an undisturbed virtual campaign."""
 
 import os
 import subprocess
@@ -33,7 +33,7 @@ tolerances: {{rtt_error_ms_median: 1000}}
 
 
 class Place:
-    """Everything that campaigns of one kind have in common."""
+    """Common to all campaigns of one kind."""
 
     def __init__(self, folder: Path, kind: str, runs: int = 0) -> None:
         self.folder = folder
@@ -52,7 +52,7 @@ class Place:
             self._containers()
 
     def _containers(self) -> None:
-        """A daemon with the node image, and who may use it without being root."""
+        """Creates a daemon with the node image, and a user who may use it without root."""
         self.user = User(python_of_everybody(self.folder / "python"))
         self.folder.chmod(0o755)
         cache = self.folder / "cache-user"
@@ -62,7 +62,7 @@ class Place:
         self.daemon.copy(image_tag())
 
     def close(self) -> None:
-        """Ends what campaigns had in common."""
+        """Removes everything that campaigns had in common."""
         if self.daemon is not None:
             self.daemon.close()
 
@@ -74,7 +74,7 @@ class Place:
         return fingerprints(ResultFolder(calm / self.experiment.stem))
 
     def play(self, torment: Torment) -> Outcome:
-        """One campaign from its beginning to its end."""
+        """Executes one campaign."""
         options = ["--jobs", str(torment.jobs)]
         if torment.kind in ENGINES:
             options = ["--engine", ENGINES[torment.kind], "--wait", "--retries", "5"]

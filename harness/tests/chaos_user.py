@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Somebody who is not root but may speak to a Docker daemon, and a Python that he may execute."""
+"""A user without root privileges but with access to a Docker daemon, and a Python for that user."""
 
 import shutil
 import subprocess
@@ -14,19 +14,19 @@ SYSTEM_PYTHON = "/usr/bin/python3"
 
 @dataclass(frozen=True)
 class User:
-    """Whose campaigns need helper containers."""
+    """A user whose campaigns need helper containers."""
 
     python: str
     uid: int = NOBODY
     gid: int = NOBODY
 
     def own(self, path: Path) -> None:
-        """Gives it to him."""
+        """Makes the user the owner."""
         shutil.chown(path, self.uid, self.gid)
 
 
 def python_of_everybody(folder: Path) -> str:
-    """This Python where others may execute it, else one of the same packages in `folder`."""
+    """Returns this Python if others can execute it, else one with the same packages in `folder`."""
     if all(path.stat().st_mode & 0o001 for path in Path(sys.executable).resolve().parents):
         return sys.executable
     subprocess.run([SYSTEM_PYTHON, "-m", "venv", "--without-pip", str(folder)], check=True)

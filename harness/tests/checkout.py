@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What git knows of this checkout: an archive has no history, and its host maybe no git."""
+"""Files that git tracks in this checkout; an archive has no history, and its host maybe no git."""
 
 import shutil
 import subprocess
@@ -16,7 +16,7 @@ needs_history = pytest.mark.skipif(not HAS_HISTORY, reason="needs the history of
 
 
 def known_files(root: Path, *patterns: str) -> list[str]:
-    """Those of the checkout that are not made here; none where there is no history."""
+    """Returns tracked files that match; empty without history."""
     if not HAS_HISTORY:
         return []
     command = ["git", "-C", str(root), "ls-files", "-z", "--cached", "--others"]

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The command line as tests call it: in this process, or in one of its own where that matters."""
+"""The command line in tests: in this process, or in a separate one if that matters."""
 
 import contextlib
 import io
@@ -13,8 +13,8 @@ from slambed.commands.main import run_command
 
 
 def slambed(*arguments: str, cwd: Path | None = None, **environment: str) -> tuple[int, str, str]:
-    """Exit code, standard output and standard error of a command, without the seconds that a new
-    process takes to load everything."""
+    """Returns exit code, standard output and standard error of a command, without the seconds
+    that a new process takes to import everything."""
     out, err = io.StringIO(), io.StringIO()
     with (
         patch.dict(os.environ, environment),
@@ -30,7 +30,7 @@ def slambed(*arguments: str, cwd: Path | None = None, **environment: str) -> tup
 def slambed_process(
     *arguments: str, cwd: Path | None = None, **environment: str
 ) -> tuple[int, str, str]:
-    """The same as users start it."""
+    """Runs it as a separate process, like users do."""
     done = subprocess.run(
         [sys.executable, "-c", "from slambed.commands.main import main; main()", *arguments],
         capture_output=True,
@@ -44,7 +44,7 @@ def slambed_process(
 
 
 def refused(code: int, *arguments: str, cwd: Path | None = None, **environment: str) -> str:
-    """The one line that a refused command prints."""
+    """Returns the single error line of a refused command."""
     found, _, stderr = slambed(*arguments, cwd=cwd, **environment)
     lines = stderr.strip().splitlines()
     assert found == code, stderr

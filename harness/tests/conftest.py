@@ -1,10 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A place of their own for all tests: what lies on this machine changes no result.
+"""Isolates all tests from this machine, so that its files change no result.
 
-Home and cache are empty folders that only their owner may enter, as a newcomer's home is, and no
-recording is found beside the checkout. Tests that need recordings, or a browser, are marked so and
-run where `--recordings` or `--browser` gives them. docs/how-to/test-a-change.md says which kinds of
-tests there are.
+Home and cache are empty private folders, like a new user's home, and recordings next to the
+checkout are ignored. Tests that need recordings or a browser are marked and run only with
+`--recordings` or `--browser`. docs/how-to/test-a-change.md describes the kinds of tests.
 """
 
 import contextlib
@@ -26,17 +25,18 @@ from time_limit import TimeLimit
 from slambed.native import repository_root
 
 PLACE = "SLAMBED_TEST_PLACE"
-"""Set for the processes of one session: pytest-xdist's workers, and what tests start."""
+"""Set for the processes of one session: pytest-xdist's workers and child processes of tests."""
 STANDING = "SLAMBED_STANDING"
-"""A folder where each process writes the test that it has begun: who ends a session that hangs
-(tools/test.sh) reports where it stood."""
+"""Folder in which each process writes its current test, so that tools/test.sh can report where a
+hanging session stopped."""
 QUIET = "quiet.lock"
-"""Held alone by a live test, together by all others: nothing computes beside a live one."""
+"""Exclusive lock of a live test, shared lock of all others: nothing else computes during a live
+test."""
 GIVEN = {"recordings": "FOLDER", "browser": "PROGRAM"}
-"""Marks of tests that need what an option of their name gives."""
+"""Marks of tests that need the option of the same name."""
 ROOT_NEEDED, PROGRAMS_NEEDED = ("needs root", "needs Docker", "TUN", "netem"), "make build"
 
-# A test may use what tests of another room have, whichever of them were asked for.
+# A test may use the helper modules of other test folders, even if only some tests are selected.
 sys.path += [str(room) for room in sorted(Path(__file__).parent.iterdir()) if room.is_dir()]
 
 
@@ -51,7 +51,7 @@ def pytest_addoption(parser: pytest.Parser) -> None:
 
 def pytest_configure(config: pytest.Config) -> None:
     if repository_root() != Path(__file__).resolve().parents[2]:
-        # Of a copied tree: what is tested would be the other one.
+        # In a copied tree the tests would import the other checkout.
         pytest.exit(f"slambed is that of {repository_root()}; run 'make setup-dev' here", 3)
     if PLACE not in os.environ:
         _settle(config)
@@ -67,7 +67,7 @@ def _settle(config: pytest.Config) -> None:
     home.mkdir(mode=0o700)
     os.environ[PLACE] = str(place)
     os.environ["HOME"] = str(home)
-    # Fonts are looked for once a session, not once a process.
+    # Matplotlib then searches fonts once per session instead of once per process.
     os.environ["MPLCONFIGDIR"] = str(place / "matplotlib")
     os.environ["SLAMBED_DATA_BESIDE"] = "no"
     for name in ("SLAMBED_CACHE", "SLAMBED_DATA", "XDG_CACHE_HOME"):
@@ -81,9 +81,8 @@ def _leave(place: Path) -> None:
 
 @pytest.hookimpl(tryfirst=True)
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
-    """Marks live tests and those of programs by what they would be skipped for, puts live ones
-    last, and leaves out tests of recordings where there are none: pytest counts them as
-    deselected."""
+    """Marks live tests and those of programs by their skip reasons, puts live ones last, and
+    deselects tests whose option is missing."""
     for item in items:
         reasons = [str(mark.kwargs.get("reason")) for mark in item.iter_markers("skipif")]
         if any(part in reason for reason in reasons for part in ROOT_NEEDED):
@@ -98,7 +97,7 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
         items[:] = [item for item in items if item not in without]
 
 
-# First: the limit of a test begins within, when it need not wait for others any more.
+# tryfirst, so that the time limit of a test excludes its wait for the lock.
 @pytest.hookimpl(wrapper=True, tryfirst=True)
 def pytest_runtest_protocol(item: pytest.Item) -> Iterator[None]:
     live = item.get_closest_marker("live") is not None
@@ -122,8 +121,8 @@ def _standing(test: str) -> Iterator[None]:
 
 @contextlib.contextmanager
 def _before_others() -> Iterator[None]:
-    """Lets this process and what it starts go before a compiler that works on this host too; to no
-    effect where one may not ask for that. Nodes go first anyway, by their control groups."""
+    """Gives this process and its children priority over other work on this host, such as a
+    compiler; has no effect without permission. Nodes have priority anyway through their cgroups."""
     before = os.getpriority(os.PRIO_PROCESS, 0)
     _give_priority(-20)
     try:
@@ -135,12 +134,12 @@ def _before_others() -> Iterator[None]:
 def _give_priority(nice: int) -> None:
     with contextlib.suppress(OSError):
         os.setpriority(os.PRIO_PROCESS, 0, nice)
-        # Kernels with autogroups share the CPUs out among sessions first.
+        # Kernels with autogroups divide CPU time among sessions first.
         Path("/proc/self/autogroup").write_text(str(nice))
 
 
 def _skips(config: pytest.Config) -> dict[str, int]:
-    """Reason -> number of tests, in the process that reports."""
+    """Returns skip reason -> number of tests, in the reporting process."""
     reporter = config.pluginmanager.get_plugin("terminalreporter")
     found: dict[str, int] = {}
     for report in reporter.stats.get("skipped", []) if reporter else []:
@@ -175,7 +174,7 @@ def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter) -> None:
 
 @pytest.fixture
 def recording(request: pytest.FixtureRequest) -> Callable[[str], Path]:
-    """Finds a file or folder of the recordings by its name there."""
+    """Finds a file or folder of the recordings by name."""
 
     def find(name: str) -> Path:
         folders = [Path(f) for f in request.config.getoption("--recordings").split(":") if f]

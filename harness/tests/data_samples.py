@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Tiny recordings in every format, made on the spot for the data tests."""
+"""Tiny recordings in every format, created on demand for the data tests."""
 
 from __future__ import annotations
 
@@ -20,25 +20,25 @@ CAMERA = Camera(fx=50.0, fy=50.0, cx=31.5, cy=23.5, bf=4.0)
 
 
 def gray(i: int, width: int = WIDTH, height: int = HEIGHT) -> NDArray[np.uint8]:
-    """A random picture that depends on its number only."""
+    """A random image that depends only on its number."""
     return np.random.default_rng(i).integers(0, 256, (height, width), dtype=np.uint8)
 
 
 def depth(i: int, meters: float = 2.0, unit_m: float = 0.0002) -> NDArray[np.uint16]:
-    """Depth about the given distance, with one row of holes."""
+    """Depth around the given distance, with one row of holes."""
     plane = np.full((HEIGHT, WIDTH), round(meters / unit_m) + i, dtype=np.uint16)
     plane[0] = 0
     return plane
 
 
 def trajectory(times_s: list[float]) -> Trajectory:
-    """A straight walk without turning."""
+    """A straight walk without rotation."""
     rows = [[t, 0.1 * t, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0] for t in times_s]
     return Trajectory.of_rows(np.array(rows))
 
 
 def write_prepared(path: Path, frames: int = 4) -> PreparedSequence:
-    """An rgbd sequence whose third frame repeats the second."""
+    """An RGB-D sequence whose third frame repeats the second."""
     with PreparedWriter(
         path,
         id="tiny",
@@ -59,7 +59,7 @@ def write_prepared(path: Path, frames: int = 4) -> PreparedSequence:
 
 
 def write_tum(path: Path, frames: int = 6, meters: float = 2.0) -> Path:
-    """TUM layout; depth images 4 ms after the color ones, one of them missing."""
+    """TUM layout; depth images 4 ms after the color images, one of them missing."""
     (path / "rgb").mkdir(parents=True)
     (path / "depth").mkdir()
     color_lines, depth_lines, poses = ["# color"], ["# depth"], ["# poses"]
@@ -97,7 +97,7 @@ def tum_recipe(folder: Path, name: str = "tiny_tum", **extra: str) -> Path:
 
 
 def one_line(error: pytest.ExceptionInfo[SlambedError]) -> str:
-    """The message, which must be a single line."""
+    """Returns the message, which must be a single line."""
     line = str(error.value)
     assert "\n" not in line
     return line

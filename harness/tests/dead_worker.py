@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A worker of pytest-xdist that dies costs the test that it ran, and not the session.
+"""A dead pytest-xdist worker fails the test that it ran, but not the session.
 
-What a test is not done with long after its limit ends its process (time_limit.py), and so may a
-fault of a library or want of memory. pytest-xdist fails that test then, but with `--dist loadfile`
-it also gives it to the next worker, which dies of it too; and a next worker that is given a file
-whose tests are all done waits for ever.
+A test that hangs long after its limit ends its process (time_limit.py), as may a crash of a library
+or a lack of memory. pytest-xdist then fails that test, but with `--dist loadfile` it also assigns
+it to the next worker, which dies too. A worker that gets a file without remaining tests waits
+forever.
 """
 
 import os
@@ -18,7 +18,7 @@ from xdist.workermanage import WorkerController
 
 
 class DeadWorker:
-    """A plugin; `place` is a folder that all processes of this session have in common."""
+    """The plugin; `place` is a folder shared by all processes of this session."""
 
     def __init__(self, place: Path) -> None:
         self._place = place
@@ -39,7 +39,7 @@ class DeadWorker:
 
 
 class ByFile(LoadFileScheduling):
-    """Gives what a dead worker had not done to the others, and nothing else."""
+    """Reassigns only the unfinished tests of a dead worker."""
 
     def remove_node(self, node: WorkerController) -> str | None:
         files = self.assigned_work[node]
@@ -49,7 +49,7 @@ class ByFile(LoadFileScheduling):
 
 
 def _lives(pid: int) -> bool:
-    """Nobody waits for a worker that died before the session ends: it is a zombie until then."""
+    """A dead worker is a zombie until the end of the session."""
     with suppress(psutil.NoSuchProcess):
         return psutil.Process(pid).status() != psutil.STATUS_ZOMBIE
     return False

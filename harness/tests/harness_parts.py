@@ -28,8 +28,8 @@ needs_root = pytest.mark.skipif(os.geteuid() != 0, reason="needs root for namesp
 
 @contextmanager
 def nodes_of_tests() -> Iterator[None]:
-    """For every test that starts nodes: a campaign that began meanwhile would take them for
-    leftovers and kill them, and what a killed test run left behind would be taken for ours."""
+    """Holds the host lock during tests that start nodes: a concurrent campaign would kill them
+    as leftovers. Also removes leftovers of killed test runs."""
     with host_lock("tests of nodes", wait_s=120):
         reap()
         yield
@@ -40,27 +40,27 @@ TOLERANCES = {
     "host_stall_ms_max": 100.0,
     "cpu_wait_share_max": 0.9,
 }
-"""Of experiments of live tests, whose question is not how exact the link is. What a quiet host and
-a late one were measured to do is in docs/logbook/2026-11-25-test-durations.md."""
+"""For live tests that do not test the accuracy of the link. Measurements on a quiet and on a late
+host are in docs/logbook/2026-11-25-test-durations.md."""
 OF_THE_HOST = re.compile(
     "RTT error|RTT probes came back|stalled the mobile node|waited for a processor"
 )
-"""What a busy host does to a run, as the line says that gives the reason why it is invalid."""
+"""Reasons for an invalid run that a busy host may cause."""
 OF_A_LATE_HOST = re.compile(r" came at \d|was not measured|no RTT was measured")
-"""The same, where the host was measured to be late meanwhile (`host_late`): a fault came late, or
-no probe was back in time. On a host that was in time that is a fault of ours."""
+"""The same, only if the host was measured to be late meanwhile (`host_late`): a late fault, or
+no probe in time. On a host in time these are our errors."""
 
 
 def is_valid(invalid_reasons: Sequence[str]) -> bool:
-    """Whether nothing speaks against a live run. What does must be the host's part."""
+    """Returns whether a live run is valid. Fails if a reason cannot be caused by the host."""
     others = [line for line in invalid_reasons if not OF_THE_HOST.search(line)]
     assert not others or (all(map(OF_A_LATE_HOST.search, others)) and is_late()), invalid_reasons
     return not invalid_reasons
 
 
 def is_valid_run(summary: Mapping[str, Any], attempts: int = 3) -> bool:
-    """Whether what the system did in a live run may be judged. A busy host may spoil all attempts:
-    what is promised then is that each was made, and that the last one reports the host's part."""
+    """Returns whether a live run is valid. On a busy host all attempts may be invalid; then
+    checks that all were made and that the last one has a reason caused by the host."""
     if summary["valid"]:
         return True
     assert not is_valid(str(summary["invalid_reason"] or "").split("; "))
@@ -69,7 +69,7 @@ def is_valid_run(summary: Mapping[str, Any], attempts: int = 3) -> bool:
 
 
 def segmenters(folder: Path) -> list[psutil.Process]:
-    """Those that answer in this folder."""
+    """Returns the segmenters with sockets in this folder."""
     return [
         process
         for process in psutil.process_iter(["cmdline"])
@@ -123,7 +123,7 @@ seed: 7
 
 
 def write_library(root: Path, experiment: str = EXPERIMENT) -> Path:
-    """A folder that looks like a checkout to `Library`; returns the experiment's file."""
+    """Creates a folder that looks like a checkout to `Library`; returns the experiment's file."""
     for name, text in SYSTEMS.items():
         (root / "systems" / name).mkdir(parents=True, exist_ok=True)
         (root / "systems" / name / "system.yaml").write_text(text)
@@ -202,7 +202,7 @@ def virtual_spec(**changes: Any) -> RunSpec:
 
 @dataclass
 class IdleLink:
-    """A link that joins nothing; it may die some time after its start."""
+    """A link that connects nothing; it may die some time after its start."""
 
     dies_after_s: float | None = None
     started_s: list[float] = field(default_factory=list)

@@ -1,14 +1,14 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A live test that fails while the host is measurably late is repeated, at most twice, and
-reported.
+"""Repeats a live test, at most twice, if it fails while the host is measurably late; reports that.
 
-A process beside the tests (`host_watcher`), at their priority, measures how late this host is. That
-is asked of what a test met itself and of the wider fixtures that it uses, as a module's campaign.
-They are all set up anew before a test is repeated; pytest-rerunfailures keeps them, and so would
-judge the same spoiled campaign once more. A failure on a host that was in time is a failure at
-once; and so is a test that met its time limit, which no stall of a host explains.
+A separate process (`host_watcher`) with the tests' priority measures how late this host is. Its
+measurements during the test and during the setup of its wider fixtures count, such as a module's
+campaign. These fixtures are set up again before a repetition; pytest-rerunfailures would keep them
+and test the same disturbed campaign again. On a host in time a failure counts at once, and so does
+a test that exceeded its time limit, which no stall explains.
 
-conftest.py registers the plugin. docs/how-to/test-a-change.md says what else a host can spoil.
+conftest.py registers the plugin. docs/how-to/test-a-change.md describes how else a host can disturb
+tests.
 """
 
 import json
@@ -28,39 +28,40 @@ from _pytest.runner import runtestprotocol
 
 MOST_REPEATS = 2
 NAP_MS = 100.0
-"""Beside three compilers and two busy loops no nap was longer than 35 ms; where processes of a
-higher class had the processors for two fifths of the time, so that nodes waited nearly always, 264.
+"""With three compilers and two busy loops no sleep was late by more than 35 ms. When processes of a
+higher class used the CPUs for 40 % of the time, so that nodes nearly always waited, it was 264 ms.
 """
 STEAL_SHARE = 0.05
-"""Ten times what was ever seen beside a run that was valid."""
+"""Ten times the maximum observed during a valid run."""
 PRESSURE_SHARE, PRESSURE_S = 0.95, 10.0
-"""So much of at least so long. Any process counts, also one that is to go behind live tests: beside
-work on all processors it was up to 91 % in tests of such length, of which none failed, and up to
-100 % in shorter ones. Where tests really starved it was 96 % for minutes."""
+"""Pressure that counts as late, over at least this time. It includes processes that yield to
+live tests: with load on all CPUs it reached 91 % in tests of such length without failures, and
+100 % in shorter ones. When tests really starved it was 96 % for minutes."""
 PATIENCE_S = 10.0
-"""With the watcher, whose answer takes a millisecond: a host where it does not come is late."""
+"""Timeout for the watcher, which normally answers in a millisecond: a host that exceeds it is
+late."""
 REPEATED = "repeated because the host was late"
-"""Name of the property by which reports report it, also those of pytest-xdist's workers."""
+"""Name of the property in reports, including those of pytest-xdist's workers."""
 NOT_BESIDE = ("usepdb", "setuponly", "setupshow")
-"""Options with which nothing is repeated."""
+"""Options that disable repetitions."""
 
 
 @dataclass(frozen=True)
 class Lateness:
-    """How late the host was within some time, at its worst. Nothing where nobody watched."""
+    """Maximum lateness of the host in some time; zero without a watcher."""
 
     nap_ms: float = 0.0
-    """The longest by which a sleep of 10 ms was too long."""
+    """Maximum oversleep of a 10 ms sleep."""
     steal: float = 0.0
-    """What a hypervisor gave to others, of all processors, in the worst second."""
+    """Maximum share of all CPUs in one second that the hypervisor gave to other guests."""
     pressure: float | None = None
-    """Of the whole time, that in which some process waited for a processor."""
+    """Share of the time in which some process waited for a CPU."""
     seconds: float = 0.0
-    """The whole time."""
+    """The total time."""
 
     @property
     def is_late(self) -> bool:
-        """So late that it may have spoiled a live test."""
+        """Whether this may have disturbed a live test."""
         pressed = self.pressure is not None and self.pressure >= PRESSURE_SHARE
         starved = pressed and self.seconds >= PRESSURE_S
         return self.nap_ms >= NAP_MS or self.steal >= STEAL_SHARE or starved
@@ -72,7 +73,7 @@ class Lateness:
 
 @dataclass(frozen=True)
 class Look:
-    """What the watcher saw in about a second."""
+    """The watcher's measurements of about one second."""
 
     began_s: float
     ended_s: float
@@ -83,21 +84,21 @@ class Look:
 
 @dataclass(frozen=True)
 class Window:
-    """From when to when, on the monotonic clock."""
+    """An interval of the monotonic clock."""
 
     began_s: float
     ended_s: float
 
 
 class Watch:
-    """The watcher, and what it saw so far. Where somebody ends it, nothing is known to be late."""
+    """The watcher and its measurements. If it is killed, the host does not count as late."""
 
     def __init__(self) -> None:
         self.process: subprocess.Popen[bytes] | None = None
         self.looks: list[Look] = []
 
     def start(self) -> None:
-        """Has its watcher from here on, which gets the priority of whoever calls this."""
+        """Starts the watcher if needed, with the caller's priority."""
         if self.process is None or self.process.poll() is not None:
             program = Path(__file__).with_name("host_watcher.py")
             self.process = subprocess.Popen(
@@ -109,7 +110,7 @@ class Watch:
         self.ask()
 
     def ask(self) -> None:
-        """Everything that it saw until now."""
+        """Fetches all measurements so far."""
         if self.process is None:
             return
         question, answer = self.process.stdin, self.process.stdout
@@ -124,13 +125,13 @@ class Watch:
         except TimeoutError:
             self.looks.append(Look(asked_s, time.monotonic(), 1e3 * PATIENCE_S, 0.0, None))
         finally:
-            # Half an answer may be left, as a test's time limit may be over here, too.
+            # An incomplete answer may be left if a test's time limit expires here.
             if not line:
                 self.close()
         self.looks += [Look(**look) for look in json.loads(line or "[]")]
 
     def lateness(self, windows: Iterable[Window]) -> Lateness:
-        """Within these together, as far as it was asked."""
+        """Returns the lateness over these intervals, as far as fetched."""
         found = {
             look: None
             for window in windows
@@ -141,7 +142,7 @@ class Watch:
         waited = [look.waited_s for look in found if look.waited_s is not None]
         return Lateness(
             nap_ms=max((look.nap_ms for look in found), default=0.0),
-            # A part of a second has too few of the kernel's ticks for a share of its own.
+            # Part of a second has too few kernel ticks for its own share.
             steal=max((look.stolen_s for look in found), default=0.0),
             pressure=sum(waited) / seconds if waited else None,
             seconds=seconds,
@@ -156,7 +157,7 @@ class Watch:
 
 
 def _line(answer: IO[bytes], deadline: float) -> bytes:
-    """The next one; nothing where nobody writes any more."""
+    """Returns the next line; empty at the end of the output."""
     line = b""
     while not line.endswith(b"\n"):
         ready, _, _ = select.select([answer], [], [], max(0.0, deadline - time.monotonic()))
@@ -171,25 +172,25 @@ def _line(answer: IO[bytes], deadline: float) -> bytes:
 
 @dataclass
 class Attempt:
-    """At one live test."""
+    """One attempt at a live test."""
 
     item: pytest.Item
     last: bool
-    """No other one may follow."""
+    """There will be no further attempt."""
     limit: pytest_timeout.Settings
     began_s: float = field(default_factory=time.monotonic)
     failed: list[pytest.TestReport] = field(default_factory=list)
     judged: bool = False
-    """Whether it was asked if the host was late; a nap after a failure explains nothing."""
+    """Whether lateness was checked; a late sleep after the failure explains nothing."""
     excused: Lateness | None = None
-    """How late the host was, where the failure is discarded for it."""
+    """Lateness of the host if the failure is discarded because of it."""
 
     def is_over_its_limit(self) -> bool:
-        """No stall of a host explains that."""
+        """A stall of the host does not explain that."""
         return 0 < (self.limit.timeout or 0) <= time.monotonic() - self.began_s
 
     def start_its_limit(self) -> None:
-        """A further attempt has all the time that a test has."""
+        """Restarts the time limit for a further attempt."""
         if self.limit.timeout and not self.limit.func_only:
             hook = self.item.config.hook
             hook.pytest_timeout_cancel_timer(item=self.item)
@@ -202,11 +203,11 @@ class HostLate:
 
     watch: Watch = field(default_factory=Watch)
     live: int = 0
-    """Tests that were reported."""
+    """Number of reported tests."""
     repeated: list[dict[str, Any]] = field(default_factory=list)
-    """Discarded failures, as reports name them."""
+    """Discarded failures, as shown in reports."""
     _wide: dict[pytest.FixtureDef[Any], Window] = field(default_factory=dict)
-    """When fixtures that are wider than one test were last set up."""
+    """Last setup times of fixtures wider than one test."""
     _attempt: Attempt | None = None
 
     @pytest.hookimpl(wrapper=True)
@@ -231,7 +232,7 @@ class HostLate:
         return True
 
     def _reports(self, item: pytest.Item, nextitem: pytest.Item | None) -> list[pytest.TestReport]:
-        """Of the attempt that counts."""
+        """Returns the reports of the attempt that counts."""
         limit = pytest_timeout._get_item_settings(item)
         for number in range(1 + MOST_REPEATS):
             self.watch.start()
@@ -263,12 +264,12 @@ class HostLate:
 
     @pytest.hookimpl(trylast=True)
     def pytest_runtest_teardown(self, item: pytest.Item) -> None:
-        """After what nobody needs any more; here within the limit of the test."""
+        """Runs after fixtures are torn down, within the time limit of the test."""
         if self._attempt is not None and self._excuse(self._attempt) is not None:
             item.session._setupstate.teardown_exact(None)
 
     def _excuse(self, attempt: Attempt) -> Lateness | None:
-        """The host's, for the failure of this attempt, if that is to be discarded."""
+        """Returns the host's lateness if the failure of this attempt is to be discarded."""
         if attempt.failed and not attempt.last and not attempt.judged:
             attempt.judged, lateness = True, self.lateness()
             if lateness.is_late and not attempt.is_over_its_limit():
@@ -276,7 +277,7 @@ class HostLate:
         return attempt.excused
 
     def lateness(self) -> Lateness:
-        """Of the host, for the live test in hand, so far."""
+        """Returns the lateness of the host during the current live test."""
         if self._attempt is None:
             return Lateness()
         self.watch.ask()
@@ -311,11 +312,11 @@ class HostLate:
 
 
 HOST = HostLate()
-"""The one of this process."""
+"""The plugin instance of this process."""
 
 
 def is_late() -> bool:
-    """Whether the host was, for the live test in hand, so far."""
+    """Returns whether the host has been late during the current live test."""
     return HOST.lateness().is_late
 
 
@@ -329,7 +330,7 @@ def _worst(found: list[Lateness]) -> Lateness:
 
 
 def _reason(report: pytest.TestReport) -> str:
-    """Why it failed, in one line."""
+    """Returns the reason of a failure in one line."""
     crash = getattr(report.longrepr, "reprcrash", None)
     lines = str(crash.message if crash else report.longrepr).split("\n")
     return lines[0 if crash else -1]

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A process that only sleeps and looks how late it wakes: what was late for it was late for the
-tests beside it. It needs nothing but Python, and is no thread of theirs: threads of one Python
-process wait for each other, which is not the host's part.
+"""A process that only sleeps and measures how late it wakes up: concurrent tests are late likewise.
+It needs only the standard library. It is no thread of the tests, because threads of one Python
+process block each other, which is not the host's fault.
 
-For every line on its input it writes one with all its looks since the last one, as JSON.
+For each input line it writes one line of JSON with all measurements since the last one.
 """
 
 import json
@@ -18,17 +18,17 @@ LOOK_S = 1.0
 TICKS_PER_S = os.sysconf("SC_CLK_TCK")
 PRESSURE = Path("/proc/pressure/cpu")
 STEAL = 8
-"""Its place in the first line of /proc/stat (proc(5))."""
+"""Position in the first line of /proc/stat (proc(5))."""
 
 
 def _stolen_s() -> float:
-    """What a hypervisor gave to others so far, a mean over the processors."""
+    """Returns the total steal time, averaged over the CPUs."""
     with Path("/proc/stat").open() as file:
         return int(file.readline().split()[STEAL]) / TICKS_PER_S / (os.cpu_count() or 1)
 
 
 def _waited_s() -> float | None:
-    """How long any process waited for a processor so far; not every kernel reports."""
+    """Returns the total time in which any process waited for a CPU; not every kernel reports it."""
     try:
         with PRESSURE.open() as file:
             return int(file.readline().rpartition("=")[2]) / 1e6
@@ -37,7 +37,7 @@ def _waited_s() -> float | None:
 
 
 class Looks:
-    """One a second, and one whenever somebody asks."""
+    """One measurement per second, and one for each request."""
 
     def __init__(self) -> None:
         self.reported: list[dict[str, float | None]] = []
@@ -48,13 +48,13 @@ class Looks:
         self._stolen, self._waited = _stolen_s(), _waited_s()
 
     def woke(self, late_s: float) -> None:
-        """After a sleep that was so much longer than asked for."""
+        """Records a sleep with this delay."""
         self._nap_s = max(self._nap_s, late_s)
         if time.monotonic() - self._began >= LOOK_S:
             self.end()
 
     def end(self) -> None:
-        """Ends the look in hand."""
+        """Ends the current measurement."""
         waited = _waited_s()
         self.reported.append(
             {
@@ -71,7 +71,7 @@ class Looks:
 
 
 def watch() -> None:
-    """Until nobody can ask any more."""
+    """Runs until the input closes."""
     looks = Looks()
     while True:
         slept = time.monotonic()
@@ -79,7 +79,7 @@ def watch() -> None:
         if not asked:
             looks.woke(time.monotonic() - slept - SLEEP_S)
             continue
-        # Whoever asks may have been held up just as long: a sleep that is over counts, too.
+        # The requesting process may have been delayed as well: a finished sleep also counts.
         looks.woke(max(0.0, time.monotonic() - slept - SLEEP_S))
         if not os.read(0, 4096):
             return

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A small paper, an experiment and a plan of an inference, shared by its tests."""
+"""A small paper, experiment and inference plan, shared by the inference tests."""
 
 from pathlib import Path
 from typing import Any
@@ -55,7 +55,7 @@ runs: {{default: 2}}
 
 
 def plan_content(sequence: str, dark: str, **more: Any) -> dict[str, Any]:
-    """A plan: whether it was dark, and how much the time of tracking varies."""
+    """A plan with two unknowns: whether it was dark, and the spread of the tracking time."""
     return {
         "id": "dark",
         "title": "Was it dark?",
@@ -101,7 +101,7 @@ def plan_content(sequence: str, dark: str, **more: Any) -> dict[str, Any]:
 
 
 def write_files(folder: Path, content: dict[str, Any], sequence: str) -> Path:
-    """Paper, experiment and plan beside each other; the plan's path."""
+    """Writes paper, experiment and plan to one folder; returns the plan's path."""
     (folder / "paper.yaml").write_text(yaml.safe_dump(PAPER, sort_keys=False))
     (folder / "walk.yaml").write_text(EXPERIMENT.format(sequence=sequence))
     path = folder / f"{content['id']}.yaml"

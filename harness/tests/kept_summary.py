@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A kept summary of an invented run, by which a changed metric is noticed. Called as a program it
-writes the summary anew; count METRICS_VERSION up first."""
+"""A stored summary of a synthetic run, which detects changed metrics. Run as a program to write
+the summary again; increment METRICS_VERSION first."""
 
 import json
 import tempfile
@@ -18,7 +18,7 @@ COMMAND = "python harness/tests/kept_summary.py"
 
 
 def summary_today(folder: Path) -> dict[str, Any]:
-    """Of a run in which something happens to every metric that an invented run can have."""
+    """Returns the summary of a run that covers every metric a synthetic run can have."""
     run = RawRun(
         lost_at_s=((5.0, 6.5),),
         stall_ms=80.0,

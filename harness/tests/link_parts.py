@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What the live link tests share: the built relay, reasons to skip, measurements that may be
-disturbed."""
+"""Shared by the live link tests: the built relay, skip reasons, and measurements on a disturbed
+host."""
 
 import functools
 import os
@@ -19,7 +19,7 @@ from slambed.native import find_program
 
 
 def why_no_relay() -> str:
-    """Why the relay cannot run here; empty when it can."""
+    """Returns why the relay cannot run here; empty if it can."""
     if os.geteuid() != 0:
         return "needs root for network namespaces"
     if not Path("/dev/net/tun").exists():
@@ -40,12 +40,12 @@ P = ParamSpec("P")
 ATTEMPTS = 4
 NAP_S = 0.02
 CALM_MS = 0.5
-"""A sleeping thread is woken this late on average, at most."""
+"""Maximum mean wake-up delay of a sleeping thread."""
 
 
 class Lateness:
-    """How late this machine wakes what sleeps: a virtual machine's one CPU is a process of a host
-    that may be busy, and then its clock says nothing about its kernel."""
+    """Measures wake-up delays: the CPU of a virtual machine is a process of a possibly busy
+    host, whose delays say nothing about the kernel."""
 
     def __init__(self) -> None:
         self.mean_ms = 0.0
@@ -75,7 +75,7 @@ class Lateness:
 
 
 def again_when_late(test: Callable[P, None]) -> Callable[P, None]:
-    """Repeats a test that fails on a machine that does not wake in time."""
+    """Repeats a test that fails on a machine with late wake-ups."""
 
     @functools.wraps(test)
     def run(*args: P.args, **kwargs: P.kwargs) -> None:

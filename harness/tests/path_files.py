@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Camera paths with more digits than our own writer has, as programs of others write them."""
+"""Camera paths with more digits than our own writer uses, like those of other programs."""
 
 from pathlib import Path
 
@@ -9,5 +9,5 @@ from slambed.data.trajectory import Trajectory
 
 
 def write_path(path: Path, trajectory: Trajectory) -> None:
-    """TUM's format, with enough digits to read the same poses back."""
+    """Writes TUM's format with enough digits for an exact round trip."""
     np.savetxt(path, trajectory.rows(), fmt=["%.9f"] + ["%.9g"] * 7)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Invented raw run folders and whole experiments, consistent and as docs/formats.md says."""
+"""Synthetic raw run folders and whole experiments, consistent with docs/reference/run-folder.md."""
 
 import json
 from dataclasses import dataclass, field
@@ -22,11 +22,11 @@ from slambed.spec.faults import Fault
 
 ORIGIN_S = 1000.0  # recorded time of frame 0
 FPS = 10.0
-ID = 1 << 56  # ids carry their node in the top byte: no float holds them
+ID = 1 << 56  # ids have their node in the top byte, so a float cannot hold them
 
 
 def room_walk(duration_s: float, rate_hz: float = 100.0, origin_s: float = ORIGIN_S) -> Trajectory:
-    """A smooth closed walk with a turning camera."""
+    """A smooth closed walk with a rotating camera."""
     t = np.arange(0.0, duration_s, 1.0 / rate_hz)
     w = 2 * np.pi / 20.0
     positions = np.column_stack([2 * np.cos(w * t), 1.5 * np.sin(w * t), 0.2 * np.sin(3 * w * t)])
@@ -35,7 +35,7 @@ def room_walk(duration_s: float, rate_hz: float = 100.0, origin_s: float = ORIGI
 
 
 def noisy(truth: Trajectory, noise_m: float, rng: np.random.Generator) -> Trajectory:
-    """The estimate of a SLAM system: another frame of reference, and noise of this size."""
+    """The estimate of a SLAM system: another reference frame, and noise of this size."""
     turn = Rotation.from_rotvec([0.1, -0.4, 1.0])
     positions = turn.apply(truth.positions_m) + np.array([3.0, -1.0, 0.5])
     positions = positions + rng.normal(0, noise_m / np.sqrt(3), positions.shape)
@@ -48,7 +48,7 @@ STALLED_FRAME = 30
 
 @dataclass
 class RawRun:
-    """What happens in an invented run."""
+    """The events of a synthetic run."""
 
     duration_s: float = 12.0
     edge: bool = True
@@ -61,14 +61,14 @@ class RawRun:
     lost_at_s: tuple[tuple[float, float], ...] = ()
     """Intervals of sequence time without a pose."""
     stall_ms: float = 0.0
-    """How long the host holds up the extraction of one frame."""
+    """How long the host stalls the extraction of one frame."""
     faults: tuple[Fault, ...] = ()
     seed: int = 1
     manifest: dict[str, Any] = field(default_factory=dict)
 
 
 def ramp_ms(t_s: np.ndarray, duration_s: float, peak_ms: float) -> np.ndarray:
-    """Up to the peak in the middle, down again."""
+    """A ramp up to the peak in the middle and down again."""
     return peak_ms * (1 - np.abs(t_s / (duration_s / 2) - 1)).clip(0)
 
 
@@ -216,7 +216,8 @@ def write_raw(folder: Path, run: RawRun) -> Path:
 
 
 def parts_of(captured_ns: int, mapped_ns: int, one_way_ns: int) -> dict[str, float]:
-    """The parts of T_Total: what is not tracking, way and integration is local mapping."""
+    """The parts of T_Total: everything except tracking, transfer and integration is local
+    mapping."""
     way_ms = one_way_ns / 1e6
     total_ms = (mapped_ns - captured_ns) / 1e6 + way_ms + 30.0
     fixed = {
@@ -308,7 +309,7 @@ def spec_of(system: str, variant: str, profile: str | None, repetition: int, **m
 
 
 def write_experiment(root: Path, runs: list[tuple[dict[str, Any], RawRun]]) -> Path:
-    """A results folder made of invented raw runs, through the real collecting code."""
+    """A results folder of synthetic raw runs, created by the real collecting code."""
     experiment = root / "invented"
     (experiment / "runs").mkdir(parents=True)
     raw_root = root / "raw"

@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""How often intervals hold the truth and tests cry wolf, by seeded simulation, beside the methods
-that were used before. Called as a program it prints the table of docs/metrics.md."""
+"""Coverage of intervals and false alarm rates of tests by seeded simulation, compared with the
+methods used before. Run as a program it prints the table of
+docs/logbook/2026-11-22-statistics-simulated.md."""
 
 from collections.abc import Callable
 
@@ -19,10 +20,10 @@ from slambed.regression.nights import paired_p, worsening_p
 Floats = NDArray[np.float64]
 
 SAMPLES = 600
-MEANS = 1500  # samples of what is cheaper
+MEANS = 1500  # samples of cheaper methods
 VERDICTS = 20_000
 MARGIN = 0.2
-SKEW = 0.5  # of the log-normal: errors and times of one cell
+SKEW = 0.5  # of the log-normal distribution: errors and times in one cell
 NIGHTS, CELLS, OLD_NIGHTS, RUNS = 200, 6, 30, 6
 NOISE = {"ate_rmse_m": 0.08, "track_ms_median": 0.06, "update_computed_ms_median": 0.10}
 TYPICAL = {"ate_rmse_m": 0.02, "track_ms_median": 30.0, "update_computed_ms_median": 300.0}
@@ -39,21 +40,21 @@ def before(sample: Floats, statistic: str) -> tuple[float, float]:
 
 
 def bca(sample: Floats, statistic: str) -> tuple[float, float]:
-    """The bias-corrected and accelerated bootstrap, which was thought to mend means."""
+    """The bias-corrected and accelerated bootstrap, which was expected to improve means."""
     function = np.mean if statistic == "mean" else np.median
     found = stats.bootstrap((sample,), function, n_resamples=800, rng=np.random.default_rng(3))
     return float(found.confidence_interval.low), float(found.confidence_interval.high)
 
 
 def students(sample: Floats, statistic: str) -> tuple[float, float]:
-    """The t interval of a mean as it is, which a skewed sample pulls to the short side."""
+    """The plain t interval of a mean, which a skewed sample distorts."""
     assert statistic == "mean"
     reach = float(stats.t.ppf(0.975, len(sample) - 1) * stats.sem(sample))
     return float(sample.mean()) - reach, float(sample.mean()) + reach
 
 
 def now(sample: Floats, statistic: str) -> tuple[float, float]:
-    """What reports show of a median, and by what verdicts judge a mean: t, of its logarithm."""
+    """The interval of a median in reports, and of a mean in verdicts: t on the logarithm."""
     if statistic == "median":
         found = interval(sample)
         return found.low, found.high
@@ -70,7 +71,8 @@ def coverage(
     skew: float = 0.0,
     samples: int = SAMPLES,
 ) -> float:
-    """Share of samples whose interval holds the true value; normal, or log-normal of this skew."""
+    """Share of samples whose interval contains the true value; normal, or log-normal with this
+    skew."""
     rng = np.random.default_rng(1)
     drawn = rng.lognormal(0, skew, (samples, runs)) if skew else rng.normal(5, 1, (samples, runs))
     truth = (np.exp(skew**2 / 2) if statistic == "mean" else 1.0) if skew else 5.0
@@ -79,8 +81,8 @@ def coverage(
 
 
 def reproduced_off_by_margin(skew: float, runs: int, paper_runs: int, log: bool) -> float:
-    """Share of published means called reproduced although ours is off by the margin of 20 %, up
-    or down, whichever is more; log-normal runs. Not `log`: Welch's t on the difference."""
+    """Share of published means judged as reproduced although ours is off by the margin of 20 %,
+    the larger of both directions; log-normal runs. Without `log`: Welch's t of the difference."""
     rng = np.random.default_rng(7)
     found = []
     for factor in (1 + MARGIN, 1 / (1 + MARGIN)):
@@ -119,7 +121,7 @@ def resampled_share(a: Floats, b: Floats) -> Interval:
 
 
 def coverage_of_shift(method: Change, runs: int, shifted: float = 0.5) -> float:
-    """Share of pairs of folders whose interval holds the true shift; log-normal runs."""
+    """Share of pairs of folders whose interval contains the true shift; log-normal runs."""
     rng = np.random.default_rng(8)
     drawn = rng.lognormal(0, SKEW, (SAMPLES, 2, runs))
     found = [method(a, b + shifted) for a, b in drawn]
@@ -129,7 +131,8 @@ def coverage_of_shift(method: Change, runs: int, shifted: float = 0.5) -> float:
 def coverage_of_share(
     method: Change, runs: int, a_share: float, b_share: float, alike: float = 0.0
 ) -> float:
-    """The same of two shares; `alike` of the runs hang on their seed in both folders."""
+    """The same for two shares; a share `alike` of the runs depends only on the seed in both
+    folders."""
     rng = np.random.default_rng(9)
     shape = (SAMPLES, runs)
     seeds, others = rng.random(shape), rng.random(shape)
@@ -140,8 +143,8 @@ def coverage_of_share(
 
 
 def quiet_nights_with_alarm(copies_count: bool) -> float:
-    """Share of quiet nights with an alarm: 30 earlier nights made the same runs, and tonight's
-    program draws each of them once more. `copies_count`: each earlier night is new evidence."""
+    """Share of quiet nights with an alarm: 30 earlier nights had the same runs, and tonight's
+    program draws each one again. `copies_count`: each earlier night counts as independent."""
     rng = np.random.default_rng(4)
     shape = (NIGHTS, CELLS, RUNS)
     p_values, relevant = [], []
@@ -160,8 +163,8 @@ def quiet_nights_with_alarm(copies_count: bool) -> float:
 
 
 def nights_with_alarm(factor: float, runs: int = RUNS) -> float:
-    """Share of virtual nights with an alarm when one cell's tracking takes `factor` as long; seeds
-    differ by 6 %, and the same seed in two programs by 2 %."""
+    """Share of virtual nights with an alarm if one cell's tracking takes `factor` times as long;
+    seeds differ by 6 %, the same seed in two programs by 2 %."""
     rng = np.random.default_rng(5)
     item = metric("track_ms_median")
     seeds = TYPICAL[item.key] * rng.lognormal(0, 0.06, (NIGHTS, CELLS, runs))
@@ -173,8 +176,8 @@ def nights_with_alarm(factor: float, runs: int = RUNS) -> float:
 
 
 def experiments_with_difference(paired: bool, factor: float, runs: int = 12) -> float:
-    """Share of experiments of 12 comparisons in which any difference is shown, where runs of one
-    seed share most of their error."""
+    """Share of experiments of 12 comparisons that show any difference, if runs of one seed share
+    most of their error."""
     rng = np.random.default_rng(6)
     shown = 0
     for _ in range(EXPERIMENTS):
@@ -191,7 +194,7 @@ def experiments_with_difference(paired: bool, factor: float, runs: int = 12) -> 
 
 
 def table() -> str:
-    """Markdown."""
+    """Returns the table as Markdown."""
     lines = ["| what, nominally | before | now |", "|---|---|---|"]
     for statistic, runs, skew in (
         ("median", 3, 0.0), ("median", 5, SKEW), ("median", 6, SKEW), ("median", 10, SKEW),

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Which tests a host may skip, and why: what no rule explains is a missing piece."""
+"""Which tests a host may skip, and why: a skip without a rule indicates a missing component."""
 
 import os
 import re
@@ -38,9 +38,9 @@ RULES: list[tuple[str, Callable[[], bool]]] = [
     (r"/dev/net/tun|TUN", lambda: _not_root() or not Path("/dev/net/tun").exists()),
     (r"no recording .* in the folders given", lambda: True),
 ]
-"""Part of a reason, and whether this host is one where it holds."""
+"""Part of a skip reason, and whether it applies to this host."""
 
 
 def unexpected(reason: str) -> bool:
-    """True when nothing about this host explains such a skip."""
+    """Returns True if nothing about this host explains such a skip."""
     return not any(re.search(part, reason) and holds() for part, holds in RULES)

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A stand-in for a board, on this machine: sshd and a Docker daemon of its own at the far end of a
-cable (a veth), in network, time, PID, mount and UTS namespaces of their own.
+"""A stand-in for a board on this machine: sshd and its own Docker daemon at the other end of a
+veth, in separate network, time, PID, mount and UTS namespaces.
 
-Its images, containers, lock and address are its own, and so is its CLOCK_MONOTONIC. Kernel, files
-and CPUs are this machine's. To kill it is a power cut: its first process takes all others along.
+It has its own images, containers, lock, address and CLOCK_MONOTONIC. Kernel, files and CPUs are
+this machine's. Killing it simulates a power failure: its first process takes all others with it.
 """
 
 import contextlib
@@ -23,7 +23,7 @@ from stand_in_host import SSHD, UP_S, remove_groups
 from slambed.engines.docker_image import connect
 
 CLOCK_AHEAD_S = 5000
-"""Its CLOCK_MONOTONIC is so far ahead of ours: it booted earlier."""
+"""Its CLOCK_MONOTONIC is this far ahead of ours, as if it had booted earlier."""
 NUMBERS = itertools.count()
 CABLE = "sb{:d}-{:d}"
 NETWORK = "10.78.{:d}.{:d}"
@@ -36,17 +36,17 @@ SETTINGS = {
     "ip-masq": False,
     "exec-opts": ["native.cgroupdriver=cgroupfs"],
 }
-"""The node has the board's own network: the daemon needs none."""
+"""Nodes use the board's own network, so the daemon needs none."""
 
 
 class StandInBoard:
-    """From `start` to `close`; `kill` and `start` again as often as one likes."""
+    """Runs from `start` to `close`; `kill` and `start` may be repeated."""
 
     def __init__(
         self, folder: Path, name: str = "board", machine: str = "", docker: bool = True
     ) -> None:
-        """`folder`: for its disk, its keys and what it says; `machine`: what it says its
-        architecture is, instead of ours; `docker`: whether it has one."""
+        """`folder`: for its disk, keys and logs; `machine`: the architecture that it reports
+        instead of ours; `docker`: whether it has a daemon."""
         assert SSHD is not None, "no sshd: tools/setup.sh test"
         self.name, self.folder = name, folder / name
         self.folder.mkdir(parents=True)
@@ -81,7 +81,7 @@ class StandInBoard:
         inside = [
             "mount -t tmpfs none /run",
             "mkdir -p /run/lock /run/sshd",
-            # Of its own: what a login does there must not be cut off in this machine's.
+            # Its own home, so that its logins cannot damage this machine's.
             f"mount -t tmpfs none {pwd.getpwuid(0).pw_dir}",
             *(f"mount --bind {group} {group.parent}" for group in self._groups),
             f"hostname {self.name}",
@@ -119,7 +119,7 @@ class StandInBoard:
         return f"{dockerd} >{self.folder}/dockerd.txt 2>&1 & {sshd}"
 
     def _plug_in(self) -> None:
-        """The cable, from our namespace into the board's."""
+        """Creates the veth from our namespace to the board's."""
         assert self._process is not None
         deadline = time.monotonic() + UP_S
         while not (children := psutil.Process(self._process.pid).children()):
@@ -140,13 +140,13 @@ class StandInBoard:
             time.sleep(0.2)
 
     def over_ssh(self, *command: str) -> "subprocess.CompletedProcess[str]":
-        """A command there."""
+        """Runs a command on the board."""
         ssh = ["ssh", *self.ssh, f"root@{self.address}", shlex.join(command)]
         return subprocess.run(ssh, capture_output=True, text=True)
 
     @property
     def ssh(self) -> list[str]:
-        """Further words for ssh."""
+        """Further arguments of ssh."""
         return [
             "-i", str(self.folder / "key"), "-F", "none", "-o", "ConnectTimeout=5",
             "-o", f"UserKnownHostsFile={self.folder}/known_hosts",
@@ -163,17 +163,17 @@ class StandInBoard:
         } | more
 
     def kill(self) -> None:
-        """A power cut."""
+        """Simulates a power failure."""
         if self._process is not None:
             self._process.kill()
             self._process.wait()
             self._process = None
         with contextlib.suppress(subprocess.CalledProcessError):
-            # The kernel takes its time to end a network namespace, and the cable with it.
+            # The kernel removes a network namespace, and the veth in it, with a delay.
             _ip("link", "delete", self.cable)
 
     def close(self) -> None:
-        """Leaves nothing."""
+        """Removes everything."""
         self.kill()
         remove_groups(self._groups)
         shutil.rmtree(self.folder / "docker", ignore_errors=True)

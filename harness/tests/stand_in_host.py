@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A stand-in for a machine of hosts.yaml, on this one: sshd on a port of the loopback, in PID and
-mount namespaces of its own, with a /run (and so a lock of the host) and a CPU of its own.
+"""A stand-in for a machine of hosts.yaml: sshd on a loopback port, in its own PID and mount
+namespaces, with its own /run (and so its own host lock) and CPU.
 
-Its kernel, its files and its clock are this machine's. To kill it is a power cut: the kernel ends
-every process of its PID namespace.
+Kernel, files and clock are this machine's. Killing it simulates a power failure: the kernel ends
+every process in its PID namespace.
 """
 
 import contextlib
@@ -24,10 +24,10 @@ UP_S = 30.0
 
 
 class StandInHost:
-    """From `start` to `close`; `kill` and `start` again as often as one likes."""
+    """Runs from `start` to `close`; `kill` and `start` may be repeated."""
 
     def __init__(self, name: str, folder: Path, cpu: int | None = None) -> None:
-        """`folder`: for its keys and what it says; `cpu`: the one that it has, None: all."""
+        """`folder`: for its keys and logs; `cpu`: its only CPU, None: all."""
         assert SSHD is not None, "no sshd: tools/setup.sh test"
         self.name, self.folder = name, folder / name
         self.folder.mkdir(parents=True)
@@ -60,7 +60,7 @@ class StandInHost:
                 (group / "cpuset.mems").write_text((group.parent / "cpuset.mems").read_text())
                 (group / "cpuset.cpus").write_text(self._cpu)
             if group.parent.name == "cpu":
-                # Nodes go before what else this machine does, as on a machine of their own.
+                # Nodes have priority over other work, as on a separate machine.
                 (group / "cpu.shares").write_text(str(V1_LARGEST_SHARES))
             inside.append(f"mount --bind {group} {group.parent}")
         inside.append(f"exec {SSHD} -D -e -f {self._config}")
@@ -82,19 +82,19 @@ class StandInHost:
             time.sleep(0.05)
 
     def kill(self) -> None:
-        """A power cut."""
+        """Simulates a power failure."""
         if self._process is not None:
             self._process.kill()
             self._process.wait()
             self._process = None
 
     def close(self) -> None:
-        """Leaves nothing."""
+        """Removes everything."""
         self.kill()
         remove_groups(self._groups)
 
     def entry(self, **more: object) -> dict[str, object]:
-        """Of hosts.yaml."""
+        """Its entry in hosts.yaml."""
         known = self.folder / "known_hosts"
         options = [
             "-p", str(self.port), "-i", str(self.folder / "key"), "-F", "none",
@@ -111,7 +111,7 @@ class StandInHost:
 
 
 def remove_groups(groups: list[Path]) -> None:
-    """Control groups with those in them, once their processes have gone."""
+    """Removes cgroups and their children once their processes have gone."""
     for group in groups:
         for inner in sorted(group.rglob("*"), key=lambda path: -len(path.parts)):
             if inner.is_dir():
@@ -120,7 +120,7 @@ def remove_groups(groups: list[Path]) -> None:
 
 
 def _remove(group: Path) -> None:
-    """What ran in it ends when the namespace has gone, a moment after its first process."""
+    """Processes end with the namespace, shortly after its first process."""
     deadline = time.monotonic() + UP_S
     while group.is_dir():
         try:

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A program that keeps slambed-node's file contract without any SLAM, for tests of the harness.
+"""A program with slambed-node's file contract but without SLAM, for tests of the harness.
 
-The parameter `act` says what it does: play (default), die, hang, refuse, burn, hungry, threads.
+The parameter `act` selects its behavior: play (default), die, hang, refuse, burn, hungry, threads.
 """
 
 import argparse

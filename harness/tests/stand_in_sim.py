@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A program that keeps slambed-sim's file contract without any SLAM, for tests of campaigns.
+"""A program with slambed-sim's file contract but without SLAM, for tests of campaigns.
 
-Parameters of the run: `sim_sleep_s` (how long it takes), `sim_until` (a file whose coming it waits
-for), `sim_act`: play (default), die, refuse, hang, burn (computes for ever), some (dies for seeds
-that are 0, 3 or 6 modulo 10: three in ten).
+Parameters of the run: `sim_sleep_s` (its duration), `sim_until` (a file that it waits for),
+`sim_act`: play (default), die, refuse, hang, burn (computes forever), some (dies for seeds 0, 3 or
+6 modulo 10: three in ten).
 """
 
 import json

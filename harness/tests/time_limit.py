@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
-"""No test takes longer than its limit: `timeout` in pyproject.toml, or the mark of that name.
+"""No test exceeds its time limit: `timeout` in pyproject.toml, or the mark of that name.
 
-pytest-timeout reads those and says when a test begins and ends. What strikes is here, because its
-own alarm strikes once and is taken back as soon as a test has failed: what waits in a `finally`, in
-a fixture that is taken down after a failure or behind an `except BaseException` would go on for
-ever. This alarm strikes again until the test is done, and ends the process where nothing helps.
+pytest-timeout reads the limits and reports begin and end of tests. The alarm is implemented here:
+its own alarm fires only once and is canceled as soon as a test has failed. A `finally`, the
+teardown of a fixture, or an `except BaseException` could then hang forever. This alarm fires
+repeatedly until the test is done, and finally ends the process.
 """
 
 import faulthandler
@@ -20,35 +20,35 @@ import pytest
 import pytest_timeout
 
 AGAIN_S = 60.0
-"""So long after it has struck the alarm strikes again."""
+"""Time between repetitions of the alarm."""
 LAST_S = 300.0
-"""So long after its limit, what no alarm ends, such as C code that does not return, ends with its
-process."""
+"""Time after the limit at which a process ends that does not react to the alarm, such as C code
+that does not return."""
 EXIT_S = 60.0
-"""A process that is done with all tests has this long to end: a thread may not let it."""
+"""Time for a process to exit after all tests; a thread may prevent that."""
 
 
 @dataclass
 class Limit:
-    """Of one test."""
+    """The time limit of one test."""
 
     item: pytest.Item
     seconds: float
     began_s: float = field(default_factory=time.monotonic)
     works: bool = False
-    """The test, or a fixture of it."""
+    """Whether the test or one of its fixtures is running."""
     struck: str = ""
-    """What it says, until a report shows it."""
+    """Message of the alarm, until a report shows it."""
 
     def start(self, stderr: int) -> None:
-        """Sets the alarm, which may have been taken back meanwhile."""
+        """Sets the alarm, which may have been canceled meanwhile."""
         left_s = self.seconds - (time.monotonic() - self.began_s)
         signal.setitimer(signal.ITIMER_REAL, left_s if left_s > 0 else AGAIN_S, AGAIN_S)
         last_s = max(left_s + LAST_S, AGAIN_S)
         faulthandler.dump_traceback_later(last_s, exit=True, file=stderr)
 
     def strike(self) -> None:
-        """Fails the test where it stands; whoever else works now, pytest itself, is left alone."""
+        """Fails the running test; does nothing while pytest itself is running."""
         __tracebackhide__ = True
         if not self.works or pytest_timeout.is_debugging():
             return
@@ -62,7 +62,7 @@ class Limit:
 
 
 def _stacks() -> str:
-    """Of all threads."""
+    """Returns the stacks of all threads."""
     with tempfile.TemporaryFile("w+") as file:
         faulthandler.dump_traceback(file)
         file.seek(0)
@@ -70,10 +70,10 @@ def _stacks() -> str:
 
 
 class TimeLimit:
-    """A plugin."""
+    """The plugin."""
 
     def __init__(self) -> None:
-        # pytest captures what tests write to the other one.
+        # pytest captures the other stderr of the tests.
         self._stderr = os.dup(2)
         self._limit: Limit | None = None
 
@@ -92,8 +92,8 @@ class TimeLimit:
 
     @pytest.hookimpl(trylast=True)
     def pytest_exception_interact(self, node: pytest.Item) -> None:
-        """Here pytest and pytest-timeout take alarms back, for whoever debugs now; but what is
-        taken down after a failure may hang as well."""
+        """Here pytest and pytest-timeout cancel alarms for debuggers; but the teardown after a
+        failure may also hang."""
         if self._limit is not None and self._limit.item is node:
             self._limit.start(self._stderr)
 
@@ -125,7 +125,7 @@ class TimeLimit:
 
     @pytest.hookimpl(wrapper=True)
     def pytest_runtest_makereport(self, item: pytest.Item) -> Iterator[None]:
-        """A test that caught what the alarm raised has failed all the same."""
+        """A test that caught the alarm's exception fails anyway."""
         report = yield
         if self._limit is not None and self._limit.struck:
             if report.outcome != "failed":
@@ -135,5 +135,5 @@ class TimeLimit:
 
     def pytest_unconfigure(self, config: pytest.Config) -> None:
         if hasattr(config, "workerinput"):
-            return  # pytest-xdist's workers wait for each other, and are ended by who started them
+            return  # workers wait for each other and are ended by the main process
         faulthandler.dump_traceback_later(EXIT_S, exit=True, file=self._stderr)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Short virtual runs of the real program, shared by the tests of what is built on them."""
+"""Short virtual runs of the real program, shared by several tests."""
 
 import hashlib
 import json
@@ -89,11 +89,12 @@ class Quiet:
 
 
 CIRCUMSTANCES = {"load_1min", "started_utc", "command", "tree"}
-"""What the manifests of two equal virtual runs may differ in."""
+"""Manifest fields in which identical virtual runs may differ."""
 
 
 def fingerprints(folder: ResultFolder) -> dict[str, str]:
-    """`run key/file` -> digest, for every file of every run; manifests without circumstances."""
+    """Returns `run key/file` -> digest for every file of every run; manifests without
+    circumstances."""
     found: dict[str, str] = {}
     keys = folder.run_keys()
     files = (path for key in keys for path in (folder.store.runs / key).rglob("*"))

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Waits that end: what does not come is named, instead of a test that never ends."""
+"""Waits with a timeout: a missing event fails the test instead of hanging it."""
 
 import threading
 import time
@@ -9,13 +9,14 @@ from typing import TypeVar
 
 T = TypeVar("T")
 LIMIT_S = 60.0
-"""Many times what a busy host needs for what tests wait for, and far below the limit of a test."""
+"""Many times what a busy host needs, and far below the time limit of a test."""
 
 
 def until(
     condition: Callable[[], T], what: str, limit_s: float = LIMIT_S, every_s: float = 0.01
 ) -> T:
-    """What `condition` says once that is true; AssertionError naming `what` did not come."""
+    """Returns the value of `condition` once it is true; after the timeout raises AssertionError
+    that `what` did not come."""
     deadline = time.monotonic() + limit_s
     while not (value := condition()):
         assert time.monotonic() < deadline, f"did not come within {limit_s:g} s: {what}"
@@ -27,8 +28,8 @@ def until(
 def in_background(
     work: Callable[[], object], over: threading.Event | None = None, limit_s: float = LIMIT_S
 ) -> Iterator[None]:
-    """Does `work` in a thread meanwhile, and raises here what went wrong there. `over` is set at
-    the end: what `work` takes as the sign to end."""
+    """Runs `work` in a thread during the block and raises its errors here. `over` is set at the
+    end to stop `work`."""
     errors: list[BaseException] = []
 
     def run() -> None:
@@ -37,7 +38,7 @@ def in_background(
         except BaseException as error:
             errors.append(error)
 
-    # No process waits for a daemon when it ends.
+    # A daemon thread does not block the exit of the process.
     thread = threading.Thread(target=run, daemon=True)
     thread.start()
     try:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A prepared sequence whose truth is plain: a camera that moves sideways along a wall."""
+"""A prepared sequence with simple ground truth: a camera that moves sideways along a wall."""
 
 from pathlib import Path
 
@@ -17,7 +17,7 @@ UNIT_M = 0.001
 
 
 def wall(seed: int) -> np.ndarray:
-    """A picture of blots, wider than the camera's."""
+    """An image of blobs, wider than the camera's."""
     rng = np.random.default_rng(seed)
     small = rng.integers(0, 256, (60, 200), dtype=np.uint8)
     return np.asarray(cv2.resize(small, (1000, 300), interpolation=cv2.INTER_NEAREST))
@@ -26,8 +26,8 @@ def wall(seed: int) -> np.ndarray:
 def write_walk(
     path: Path, frames: int = 26, sensor: str = "rgbd", strange: bool = False, truth: bool = True
 ) -> PreparedSequence:
-    """A camera that moves sideways along a wall 2 m away: 3 px from one frame to the next. strange:
-    every frame shows another wall."""
+    """A camera that moves sideways along a wall at 2 m: 3 px per frame. strange: every frame
+    shows another wall."""
     depth = np.full((HEIGHT, WIDTH), round(WALL_M / UNIT_M), np.uint16)
     poses = []
     with PreparedWriter(

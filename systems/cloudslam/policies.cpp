@@ -9,7 +9,7 @@
 namespace slambed::cloudslam {
 namespace {
 
-/// The paper's cheap Wi-Fi at home has the night for it; a run has not.
+/// The paper uploads overnight over cheap Wi-Fi at home; a run cannot wait that long.
 constexpr Duration kUploadPatience = std::chrono::minutes(5);
 
 }  // namespace
@@ -61,7 +61,7 @@ void Vehicle::before_frame(Worker& worker, const OfferedFrame& frame) {
   while (const auto message = keyframes_.try_receive()) {
     const bool initial = is(*message, wire::kInitialPose);
     if (!initial && !is(*message, wire::kPoseUpdate)) continue;
-    // Several keyframes were under way to be placed: the first answer says it.
+    // Several keyframes may be in transit for alignment; only the first answer is used.
     if (initial != (state_ == State::kAlign) || align_failed_) continue;
     if (const auto correction = poses_.apply(worker, *message, initial, seq_s))
       corrected(*correction, initial, seq_s);
@@ -69,7 +69,7 @@ void Vehicle::before_frame(Worker& worker, const OfferedFrame& frame) {
 }
 
 void Vehicle::corrected(const PoseCorrection& correction, bool aligned, double seq_s) {
-  if (at_w_) at_w_ = correction.T_new_old * *at_w_;  // a correction is no way traveled
+  if (at_w_) at_w_ = correction.T_new_old * *at_w_;  // a correction is not travel
   if (aligned) {
     node_.log().write(JsonLine("trip_aligned")
                           .add("keyframe", correction.keyframe.value)
@@ -82,11 +82,11 @@ void Vehicle::corrected(const PoseCorrection& correction, bool aligned, double s
   }
 }
 
-/// Track loss in a young map: all begins again, also the question where the trip is.
+/// Starts over after a track loss in a young map, including the alignment of the trip.
 void Vehicle::reset(Worker& worker) {
   const auto map = node_.tracker().map();
   mapping_.reset(map).wait(worker);
-  map->clear();  // of what the mapper committed before it heard of the reset
+  map->clear();  // also of what the mapper committed before its reset
   first_s_.reset();
   if (state_ == State::kTrip) change(State::kAlign);
 }
@@ -151,7 +151,7 @@ void Vehicle::finish(Worker& worker) {
   shutdown_.shut_down(worker, sender_.last_sequence());
 }
 
-/// All keyframes of the trip as they are now; the edge keeps those that it was sent before.
+/// Uploads all keyframes of the trip in their current state; the edge skips those it already has.
 void Vehicle::upload(Worker& worker) {
   change(State::kUpload);
   const auto keyframes =

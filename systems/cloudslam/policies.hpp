@@ -11,8 +11,8 @@
 
 namespace slambed::cloudslam {
 
-/// The vehicle: tracks and maps on its own, learns its place at the start of the trip, sends some
-/// keyframes and takes the poses that come back.
+/// The vehicle: tracks and maps on its own, aligns its map at the start of the trip, sends some
+/// keyframes and applies the poses that come back.
 class Vehicle final : public MobilePolicy {
  public:
   Vehicle(MobileNode& node, const Parameters& parameters);
@@ -49,8 +49,8 @@ class Vehicle final : public MobilePolicy {
   State state_ = State::kAlign;
   bool align_failed_ = false;
   std::optional<double> first_s_;        ///< of this map's first keyframe
-  double align_sent_s_ = 0;              ///< last keyframe sent to be placed
-  double traveled_m_ = 0;                ///< tracked path
+  double align_sent_s_ = 0;              ///< time of the last keyframe sent for alignment
+  double traveled_m_ = 0;                ///< length of the tracked path
   std::optional<Eigen::Vector3d> at_w_;  ///< camera center of the last frame, if it was tracked
 };
 

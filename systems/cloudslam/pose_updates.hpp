@@ -10,16 +10,16 @@
 
 namespace slambed {
 
-/// Poses that an edge found for this trip's keyframes, and what they do to the local map. All on
-/// the tracking worker, between two frames.
+/// Applies poses that the edge found for this trip's keyframes to the local map. Call it on the
+/// tracking worker, between two frames.
 class PoseUpdates {
  public:
   PoseUpdates(MobileNode& node, LocalMapping& mapping, CorrectionWindow window)
       : node_(node), mapping_(mapping), window_(window) {}
 
-  /// Corrects the map where the message may be believed: newer than the last one that was applied,
-  /// of a keyframe of this map, a pose at all. Writes what became of it; the correction, if any.
-  /// whole_map: everything moves, and nothing is too old.
+  /// Corrects the map if the pose is valid, is of a keyframe of this map, and is newer than the
+  /// last one applied. Logs the outcome and returns the correction, if any. whole_map: the whole
+  /// map moves, and no pose is too old.
   std::optional<PoseCorrection> apply(Worker& worker, const Message& raw, bool whole_map,
                                       double seq_s);
 
@@ -30,7 +30,7 @@ class PoseUpdates {
   MobileNode& node_;
   LocalMapping& mapping_;
   CorrectionWindow window_;
-  KeyFrameId applied_;  ///< the newest
+  KeyFrameId applied_;  ///< newest keyframe with an applied pose
 };
 
 }  // namespace slambed

@@ -21,7 +21,7 @@ RemoteMapping::RemoteMapping(EdgeNode& node, Channel& keyframes, RemoteMappingOp
       mapper_(options_.mapper, prior_.map, places_),
       queue_(node.runtime(), static_cast<std::size_t>(options_.queue)),
       progressed_(node.runtime().make_signal()) {
-  places_->update_from(*prior_.map);  // and never again: it knows the earlier trips alone
+  places_->update_from(*prior_.map);  // only once: the index covers the earlier trips alone
   check_rig(prior_, node_.peer());
 }
 

@@ -21,11 +21,12 @@ struct RemoteMappingOptions {
   MessageCodec codec;
 };
 
-/// CloudSLAM's edge during a trip: takes keyframes in, one after the other finds their place in the
-/// map of earlier trips, and answers each with a pose, also those that match nothing.
+/// CloudSLAM's edge during a trip: receives keyframes, locates one after the other in the map of
+/// earlier trips, and answers each with a pose, also those that match nothing.
 class RemoteMapping final : public ShutdownSource {
  public:
-  /// bad_input for a map that is missing, damaged, empty, or of another camera than the mobile's.
+  /// Throws bad_input for a map that is missing, damaged, empty, or of another camera than the
+  /// mobile's. The camera is checked again later because the mobile may not have connected yet.
   RemoteMapping(EdgeNode& node, Channel& keyframes, RemoteMappingOptions options);
 
   void start();
@@ -42,7 +43,7 @@ class RemoteMapping final : public ShutdownSource {
  private:
   struct Received {
     wire::KeyFrameMessage message;
-    bool estimated = true;  ///< false: the mobile does not know yet where it is
+    bool estimated = true;  ///< false: the mobile's map is not aligned yet
     RunTime sent{}, received{};
   };
 

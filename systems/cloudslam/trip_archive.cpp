@@ -12,7 +12,7 @@
 namespace slambed {
 namespace {
 
-/// All keyframes that the archive does not have, with the points it does not have, as one change.
+/// Returns all keyframes and points that the archive lacks, as one change.
 MapDelta missing(const MapView& view, std::span<const MapDelta> trip) {
   MapDelta delta;
   delta.epoch = view.epoch();
@@ -53,7 +53,7 @@ JoinedTrip join_trip(Map& archive, const std::shared_ptr<PlaceIndex>& places,
   const MapDelta delta = archive.read([&](const MapView& view) { return missing(view, trip); });
   joined.keyframes = delta.keyframes.size();
   archive.commit(delta);
-  // LoopCloser shares its map; this one is the caller's and outlives it.
+  // LoopCloser shares ownership of its map; the caller owns this one and outlives the closer.
   const std::shared_ptr<Map> map(&archive, [](Map*) {});
   LoopCloser closer({}, map, places);
   for (const NewKeyFrame& keyframe : delta.keyframes) {

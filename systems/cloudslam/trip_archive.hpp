@@ -12,29 +12,28 @@
 
 namespace slambed {
 
-/// What joining a trip to the archive came to.
+/// Result of joining a trip to the archive.
 struct JoinedTrip {
-  std::size_t keyframes = 0;  ///< that came after the trip
-  int loops = 0;              ///< closed on the way
-  bool adjusted = false;      ///< the whole map was
+  std::size_t keyframes = 0;  ///< that the archive did not have
+  int loops = 0;              ///< closed while joining
+  bool adjusted = false;      ///< a global bundle adjusted the whole map
 };
 
-/// Takes the keyframes of a finished trip into the map of all trips, which may have some of them
-/// already: full loop closing for each in the order of the trip, then a global bundle. Takes as
-/// long as it takes.
+/// Adds the keyframes of a finished trip to the map of all trips, which may have some of them
+/// already. Closes loops for each in the order of the trip, then runs a global bundle to its end.
 JoinedTrip join_trip(Map& archive, const std::shared_ptr<PlaceIndex>& places,
                      std::span<const MapDelta> trip);
 
-/// The edge's side of an upload: keyframes that stayed on the vehicle during the trip, on a channel
-/// of their own.
+/// The edge's side of an upload: receives the keyframes that stayed on the vehicle during the trip,
+/// on their own channel.
 class TripUpload {
  public:
   TripUpload(EdgeNode& node, Channel& channel, MessageCodec codec)
       : node_(node), channel_(channel), codec_(std::move(codec)) {}
 
   void start();
-  /// Joins what came and leaves cloud_map.slm in the folder. After all workers have ended.
-  /// info: of the archive.
+  /// Joins the received keyframes to the archive and writes cloud_map.slm to the folder. Call it
+  /// after all workers have ended. info: of the archive.
   void leave(Map& archive, const std::shared_ptr<PlaceIndex>& places, const MapInfo& info,
              const std::filesystem::path& folder);
 
@@ -45,8 +44,8 @@ class TripUpload {
   EdgeNode& node_;
   Channel& channel_;
   MessageCodec codec_;
-  std::map<KeyFrameId, MapDelta> keyframes_;  ///< of the receiving worker, then of leave()
-  std::atomic<bool> whole_{false};            ///< nothing more will come
+  std::map<KeyFrameId, MapDelta> keyframes_;  ///< used by the receiving worker, then by leave()
+  std::atomic<bool> whole_{false};            ///< the upload is complete
 };
 
 }  // namespace slambed

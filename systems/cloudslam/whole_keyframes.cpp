@@ -43,7 +43,7 @@ Completion WholeKeyFrameSender::written() {
 void WholeKeyFrameSender::work(Worker& worker) {
   while (auto item = queue_.take(worker)) {
     Map alone;
-    if (codec_.text()) alone.commit(item->message.delta);  // it looks points up there
+    if (codec_.text()) alone.commit(item->message.delta);  // the text codec looks points up here
     Bytes own = codec_.serialize(worker, item->message, alone);
     const std::size_t own_bytes = own.size();
     Bytes filled = wire::fill_up(std::move(own), filled_);

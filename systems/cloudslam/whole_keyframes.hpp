@@ -10,19 +10,19 @@
 
 namespace slambed {
 
-/// Sends keyframes with all points they see, so that each can be understood without those before
-/// it. What leaves is how the map was at send(); writing it is done on a worker of its own.
+/// Sends keyframes with all points they see, so that each can be read without the earlier ones.
+/// Each is sent as it was at send(); a separate worker serializes it.
 class WholeKeyFrameSender {
  public:
-  /// filled: size in bytes that smaller messages are filled up to; 0: sent as they are.
+  /// filled: smaller messages are padded to this size in bytes; 0: no padding.
   WholeKeyFrameSender(MobileNode& node, Channel& channel, MessageCodec codec, std::size_t filled);
 
   void start();
-  /// type: wire::MessageType; about: fields of the event, which gets the sizes.
+  /// about: the event to log, to which the sizes are added.
   void send(wire::MessageType type, KeyFrameId keyframe, RunTime captured, JsonLine about);
-  /// All that was given is with the channel.
+  /// Completes when the channel has all keyframes.
   Completion written();
-  /// Of the last message on the channel, 0 when there was none.
+  /// Sequence of the last message on the channel; 0: none.
   std::uint64_t last_sequence() const { return last_sequence_; }
 
  private:

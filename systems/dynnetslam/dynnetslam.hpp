@@ -5,7 +5,7 @@
 
 namespace slambed {
 
-/// DynNetSLAM: tracking on the mobile node, mapping wherever the RTT says. The variants of
+/// DynNetSLAM: tracking on the mobile node, mapping where the RTT decides. The variants of
 /// system.yaml are the paper's four strategies.
 System dynnetslam_system();
 

@@ -8,7 +8,7 @@ namespace {
 
 constexpr std::uint64_t kMaxUnanswered = 4096;  ///< bytes
 
-/// Without keyframes for so long the RTT is probed in every state.
+/// After this long without keyframes, the RTT is probed in every state.
 constexpr Duration kKeyframesStopped = std::chrono::seconds(1);
 
 }  // namespace
@@ -53,7 +53,7 @@ void EdgeContact::announce(const wire::StateMessage& state, bool probed) {
     probing_ = probed;
   }
   changed_ = true;
-  channel_.signal().notify();  // the worker says it
+  channel_.signal().notify();  // the worker sends it
 }
 
 void EdgeContact::keyframe_sent(RunTime now) {
@@ -67,7 +67,7 @@ void EdgeContact::hand_over(std::uint64_t epoch, std::shared_ptr<Map> map) {
 }
 
 void EdgeContact::work(Worker& worker) {
-  RunTime next_state = worker.now();  // before the run begins: the first decision needs an RTT
+  RunTime next_state = worker.now();  // sent at once: the first decision needs an RTT
   while (!worker.stopping()) {
     const auto ticket = channel_.signal().ticket();
     while (const auto message = channel_.try_receive()) {
@@ -87,7 +87,7 @@ void EdgeContact::work(Worker& worker) {
 
 void EdgeContact::send_state(RunTime now, bool changed) {
   const PathStats path = channel_.path();
-  // Repetitions must not pile up before an edge that is away or does not listen.
+  // Repetitions must not queue up for an edge that is away or does not read.
   if (!changed && (!path.connected || path.unacknowledged_bytes > kMaxUnanswered)) return;
   wire::StateMessage state;
   {
@@ -99,7 +99,7 @@ void EdgeContact::send_state(RunTime now, bool changed) {
 }
 
 RunTime EdgeContact::probe(RunTime now) {
-  if (handing_over()) return kNever;  // it would wait behind the map; its answer wakes us
+  if (handing_over()) return kNever;  // it would queue behind the map, whose answer wakes us
   {
     std::lock_guard lock(mutex_);
     const RunTime idle = RunTime(last_keyframe_.load()) + kKeyframesStopped;
@@ -110,7 +110,7 @@ RunTime EdgeContact::probe(RunTime now) {
 
 void EdgeContact::on_echo(std::uint64_t sequence, RunTime received) {
   const auto sample = link_.answered(sequence, received);
-  if (!sample || handing_over()) return;  // what waits behind the map tells nothing of the link
+  if (!sample || handing_over()) return;  // delayed by the map, not by the link
   link_.count(*sample);
   node_.log().write(JsonLine("rtt_sample")
                         .add("source", "echo")

@@ -14,38 +14,37 @@ namespace slambed {
 
 struct ContactOptions {
   LinkOptions link;
-  double echo_hz;  ///< STATEs a second while nothing changes
+  double echo_hz;  ///< STATE messages per second while nothing changes
 };
 
-/// Of the parameters rtt_source, rtt_missing_s, mes_probe_hz, mes_probe_bytes and echo_hz.
+/// Reads the parameters rtt_source, rtt_missing_s, mes_probe_hz, mes_probe_bytes and echo_hz.
 ContactOptions contact_options(const Parameters& parameters);
 
-/// The mobile's talk with the edge on the channel "handover": tells the edge where mapping runs,
-/// keeps the RTT measured while no keyframes flow, notices that the edge does not answer or has no
-/// map, and lets the map go over. All of that on one worker, so that tracking never waits; the
-/// calls below are tracking's.
+/// The mobile's side of the channel "handover": tells the edge where mapping runs, measures the RTT
+/// while no keyframes are sent, notices an edge that does not answer or has no map, and hands the
+/// map over. One worker does all of this, so that tracking never waits; tracking calls the
+/// functions below.
 class EdgeContact {
  public:
   EdgeContact(MobileNode& node, Channel& handover, Channel& keyframe,
               const ContactOptions& options);
 
   void start();
-  /// RTT to decide with; nothing when the edge or the path is silent.
+  /// Returns the RTT to decide with, or nothing when the edge or the path is silent.
   std::optional<Duration> rtt(RunTime now) const { return link_.rtt(now); }
 
-  /// Mapping runs elsewhere now: the edge is told; probed: no keyframes will flow, so the RTT is
-  /// measured without them.
+  /// Tells the edge where mapping runs now. probed: without keyframes, probes measure the RTT.
   void announce(const wire::StateMessage& state, bool probed);
-  /// Mapping on the edge ends.
+  /// Stops mapping on the edge.
   void stop(std::uint64_t epoch) { handover_.stop(epoch); }
-  /// The edge gets what this map has that it does not know of, and maps again.
+  /// Sends the edge what it lacks of this map, and lets it map again.
   void hand_over(std::uint64_t epoch, std::shared_ptr<Map> map);
-  /// A keyframe goes to the edge: the RTT is measured with it.
+  /// A keyframe was sent to the edge; the RTT is measured with it.
   void keyframe_sent(RunTime now);
-  /// True from hand_over() until the edge has taken the map over.
+  /// True from hand_over() until the edge has accepted the map.
   bool handing_over() const { return handover_.under_way(); }
-  /// The edge maps and should have a map, but says that it has none: it was started again, or never
-  /// got the first keyframe.
+  /// Returns whether the edge should have a map but reports none: it was restarted, or never
+  /// received the first keyframe.
   bool edge_is_empty() const { return edge_is_empty_; }
   /// The edge has sent this map.
   void received(std::shared_ptr<const Map> map) { handover_.received(std::move(map)); }
@@ -64,11 +63,10 @@ class EdgeContact {
   Inbox inbox_;
   Duration echo_period_;
   std::atomic<bool> edge_is_empty_{false};
-  std::atomic<bool> changed_{false};  ///< another state is to be told
+  std::atomic<bool> changed_{false};  ///< a new state must be sent
   std::atomic<Duration> first_keyframe_{kNever}, last_keyframe_{Duration::zero()};
 
-  std::mutex
-      mutex_;  ///< guards what follows, and that the edge is empty only while no map goes over
+  std::mutex mutex_;  ///< guards what follows; keeps edge_is_empty_ false during a hand-over
   wire::StateMessage state_;
   bool probing_ = false;
 };

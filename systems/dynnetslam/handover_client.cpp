@@ -9,7 +9,7 @@
 namespace slambed {
 namespace {
 
-/// An edge that declines a whole map gets the next one, of the map as it is then, so much later.
+/// Delay before an edge that declined a whole map gets it again, in its state at that time.
 constexpr Duration kNextWhole = std::chrono::seconds(2);
 
 }  // namespace
@@ -45,7 +45,7 @@ void HandoverClient::received(std::shared_ptr<const Map> map) {
 
 void HandoverClient::send_if_due(Worker& worker) {
   const PathStats path = channel_.path();
-  if (!path.connected) return;  // the channel's signal tells when it is
+  if (!path.connected) return;  // the channel's signal reports when it is
   const std::uint64_t edge = node_.network().peer().session;
   Handover handover;
   AcknowledgedMap base;
@@ -129,7 +129,7 @@ void HandoverClient::acknowledged(const wire::HandoverAck& ack, std::uint64_t ed
       map_.reset();
       under_way_ = false;
     } else if (current) {
-      acknowledged_ = {};  // the edge has lost its map or cannot read this: all of it
+      acknowledged_ = {};  // the edge lost its map or cannot read this: send all of it
       handover_.sent = false;
       if (handover_.whole) handover_.not_before = now + kNextWhole;
     }

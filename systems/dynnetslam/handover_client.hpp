@@ -10,48 +10,48 @@
 
 namespace slambed {
 
-/// Hands the mobile's map over to the edge, by what has changed where the edge knows an earlier
-/// state of it, once however slow the link is: TCP delivers, so only a new connection or another
+/// Hands the mobile's map over to the edge, as changes if the edge has an earlier state of it. The
+/// map is sent once, however slow the link is: TCP delivers it, so only a new connection or another
 /// edge is a reason to send again. The other side is HandoverServer.
 class HandoverClient {
  public:
   HandoverClient(MobileNode& node, Channel& channel) : node_(node), channel_(channel) {}
 
-  // Tracking's calls.
-  /// The edge gets what this map has that it does not know of, and maps again. edge_is_empty: it
-  /// knows nothing any more.
+  // Called by tracking.
+  /// Sends the edge what it lacks of this map, and lets it map again. edge_is_empty: the edge has
+  /// lost its map.
   void begin(std::uint64_t epoch, std::shared_ptr<Map> map, bool edge_is_empty);
-  /// Mapping on the edge ends, a hand-over under way is worth nothing any more.
+  /// Stops mapping on the edge and abandons an unfinished hand-over.
   void stop(std::uint64_t epoch);
-  /// The edge has sent this map. Live, copying it is a part of the pause for the update; in virtual
-  /// time it is free: a stage of its own would be one more cost to fit for each device.
+  /// The edge has sent this map. Live, copying it is part of the pause for the update. In virtual
+  /// time it is free, because a separate stage would be one more cost to fit for each device.
   void received(std::shared_ptr<const Map> map);
-  /// True from begin() until the edge has taken the map over.
+  /// True from begin() until the edge has accepted the map.
   bool under_way() const { return under_way_; }
 
-  // Calls of the worker that listens to the channel.
+  // Called by the worker that listens to the channel.
   void send_if_due(Worker& worker);
-  /// edge: the process that answered.
+  /// edge: session of the process that answered.
   void acknowledged(const wire::HandoverAck& ack, std::uint64_t edge, RunTime now);
 
  private:
-  /// What an edge knows of a map: that map as it was then.
+  /// The state of a map that an edge is known to have.
   struct AcknowledgedMap {
     std::shared_ptr<const Map> map;
     std::shared_ptr<const MapDelta> content;
-    std::uint64_t edge = 0;  ///< session of the edge that knows
+    std::uint64_t edge = 0;  ///< session of that edge
   };
   struct Handover {
     std::uint64_t epoch = 0, number = 0;
-    AcknowledgedMap acknowledged;  ///< once it is acknowledged
+    AcknowledgedMap acknowledged;  ///< becomes acknowledged_ when accepted
     RunTime asked{};
-    bool sent = false;  ///< and not answered
+    bool sent = false;  ///< and not yet answered
     bool whole = false;
     RunTime not_before = RunTime::min();
     bool superseded = false;       ///< the edge has sent another map since
     std::uint64_t connection = 0;  ///< on which it was sent last
     wire::MessageType type = wire::MapHandover::kType;
-    Bytes payload;  ///< as it was sent: a broken connection may have lost it
+    Bytes payload;  ///< kept because a broken connection may have lost it
   };
 
   void prepare(Worker& worker, Handover handover, AcknowledgedMap base);

@@ -67,14 +67,14 @@ void HandoverServer::apply(Worker& worker, const Message& raw) {
     return wire::decode_handover(bytes, node_.peer().sensor());
   });
   if (!read_well) {
-    // Without an answer the mobile would wait for one for ever.
+    // Without an answer the mobile would wait forever.
     if (const auto head = wire::handover_head(raw.payload))
       answer(head->epoch, head->number, wire::HandoverAnswer::kDeclined);
     return;
   }
   wire::MapHandover& handover = *read_well;
   if (is_stale(handover.epoch, handover.number)) return;
-  // Sent again because a connection broke, but the first one had come; the map has gone on since.
+  // Sent again after a broken connection, but the first copy arrived and the map has changed since.
   if (handover.number == applied_)
     return answer(handover.epoch, handover.number, wire::HandoverAnswer::kAccepted);
   if (!handover.whole && count(*mapping_.mapper().map()).keyframes == 0) {

@@ -10,8 +10,8 @@
 
 namespace slambed {
 
-/// The other side of HandoverClient: answers STATE, lets mapping rest and go on, takes maps over.
-/// What belongs to an older epoch than the last one heard of changes nothing.
+/// The edge's side of HandoverClient: answers STATE, pauses and resumes mapping, and merges maps.
+/// Ignores messages of an older epoch than the latest one received.
 class HandoverServer {
  public:
   HandoverServer(EdgeNode& node, EdgeMapping& mapping, Channel& channel);
@@ -21,12 +21,12 @@ class HandoverServer {
  private:
   void listen(Worker& worker);
   void stop(const wire::StopMessage& stop);
-  /// Taking a map over may last: who listens must not wait for it.
+  /// Merges maps on a separate worker: it may take long, and the listening worker must not wait.
   void work(Worker& worker);
   void begin(const wire::StartMessage& start);
   void apply(Worker& worker, const Message& raw);
   void resume(std::uint64_t epoch);
-  /// True, and recorded, when the epoch is over.
+  /// Returns whether the epoch is over; if so, logs it.
   bool is_stale(std::uint64_t epoch, std::uint64_t number);
   void answer(std::uint64_t epoch, std::uint64_t number, wire::HandoverAnswer answer);
 
@@ -35,9 +35,9 @@ class HandoverServer {
   Channel& channel_;
   Inbox inbox_;
   Mailbox<Message> arrived_;  ///< START and MAP_HANDOVER
-  std::mutex mutex_;          ///< orders the ends of mapping's rests with their beginnings
+  std::mutex mutex_;          ///< orders pauses and resumes of mapping
   std::uint64_t epoch_ = 0;
-  std::uint64_t applied_ = 0;  ///< the merging worker's: number of the last hand-over taken over
+  std::uint64_t applied_ = 0;  ///< merging worker only: number of the last merged hand-over
 };
 
 }  // namespace slambed

@@ -9,7 +9,7 @@ namespace slambed {
 namespace {
 
 constexpr int kSmoothing = 8;
-/// Questions that may be under way; older ones are given up.
+/// Most unanswered messages that are remembered; older ones are given up.
 constexpr std::size_t kMaxAsked = 64;
 
 }  // namespace
@@ -55,7 +55,7 @@ RunTime LinkEstimator::probe(RunTime now) {
   if (options_.probe_hz <= 0) return kNever;
   if (now >= next_probe_) {
     next_probe_ = now + from_seconds(1 / options_.probe_hz);
-    // What is under way gives a sample too; probes must not crowd messages out of their queue.
+    // Data in transit gives a sample too, and probes must not push messages out of their queue.
     if (measured_.path().unacknowledged_bytes == 0) {
       send(measured_, wire::kProbe, Bytes(static_cast<std::size_t>(options_.probe_bytes)));
     }

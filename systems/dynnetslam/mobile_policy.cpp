@@ -37,7 +37,7 @@ void DynNetSlamMobile::after_frame(Worker& worker, const TrackedFrame& frame) {
     decide(worker);
     return mapping_.make_keyframe(worker, frame);
   }
-  // The camera may stand still, or be lost: without keyframes no state must become a trap.
+  // A camera that stands still or is lost makes no keyframes; no state must become a trap then.
   if (decided_ && decision_gap_ > Duration::zero() &&
       worker.now() - last_decision_ >= decision_gap_) {
     decide(worker);

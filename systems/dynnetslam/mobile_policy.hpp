@@ -6,8 +6,8 @@
 
 namespace slambed::dynnetslam {
 
-/// Decides by the RTT where mapping runs: whenever a keyframe is wanted, before it is made, or when
-/// the last decision was too long ago.
+/// Decides by the RTT where mapping runs: before each keyframe is made, or when the last decision
+/// was too long ago.
 class DynNetSlamMobile final : public MobilePolicy {
  public:
   DynNetSlamMobile(MobileNode& node, const Parameters& parameters);
@@ -28,7 +28,7 @@ class DynNetSlamMobile final : public MobilePolicy {
   Duration decision_gap_;
   SwitchedMapping mapping_;
 
-  // The tracking worker's.
+  // Used by the tracking worker only.
   OffloadingState state_ = OffloadingState::kOffloading;
   bool decided_ = false;  ///< the first decision was made
   RunTime last_decision_{};

@@ -16,8 +16,8 @@ enum class OffloadingState {
 /// "OS", "SZ" or "MES".
 std::string_view to_string(OffloadingState state);
 
-/// The limits between the states, milliseconds of RTT. A strategy is nothing but such a table: a
-/// state is left only when the RTT is strictly beyond the limit, equality keeps the state.
+/// RTT limits between the states, in ms; each strategy is one such table. A state is left only when
+/// the RTT is strictly beyond the limit.
 struct Thresholds {
   bool safe_zone = false;
   double leave_offloading_above = 0;  ///< OS -> SZ, or OS -> MES without a safe zone
@@ -26,7 +26,7 @@ struct Thresholds {
   double leave_safe_zone_below = 0;   ///< SZ -> OS
 };
 
-/// The paper's own parameters.
+/// The paper's parameters.
 // NOLINTNEXTLINE(cppcoreguidelines-pro-type-member-init): -Werror refuses one left out
 struct StrategyOptions {
   bool hysteresis;
@@ -40,8 +40,8 @@ struct StrategyOptions {
 /// Throws Error(kBadInput) for limits that are negative, not finite or out of order.
 Thresholds thresholds(const StrategyOptions& options);
 
-/// One evaluation of the strategy: at most one transition. No RTT (none measured for too long)
-/// means that the edge cannot be relied on: one step towards kMobile.
+/// Evaluates the strategy once, with at most one transition. Without an RTT (none measured for too
+/// long) the edge is unreliable, so the state moves one step towards kMobile.
 OffloadingState next_state(OffloadingState state, std::optional<double> rtt_ms,
                            const Thresholds& limits);
 

@@ -6,7 +6,7 @@
 namespace slambed {
 namespace {
 
-/// Playback is over: so long for keyframes that waited for a hand-over.
+/// Time after playback for keyframes that waited for a hand-over.
 constexpr Duration kHeldPatience = std::chrono::seconds(2);
 constexpr Duration kLookEvery = std::chrono::milliseconds(20);
 
@@ -51,7 +51,7 @@ void SwitchedMapping::after_frame(Worker& worker, const TrackedFrame& frame) {
   if (place_ != MappingPlace::kMobile) offload_.relocalize_after_frame(worker, frame);
 }
 
-/// What the edge sent before is worthless from now on.
+/// From now on, maps that the edge sent before are declined.
 void SwitchedMapping::begin_epoch() {
   ++epoch_;
   offload_.downlink().begin_epoch(epoch_);
@@ -107,7 +107,7 @@ bool SwitchedMapping::wants_keyframe() {
 void SwitchedMapping::make_keyframe(Worker& worker, const TrackedFrame& frame) {
   const KeyFrameNeed need = node_.tracker().keyframe_need();
   const bool here = maps_here() && node_.tracker().wants_keyframe(mapping_.status());
-  // A keyframe that only the edge may want, and still decline, must not become the reference.
+  // A keyframe for the edge alone, which may still decline it, must not become the reference.
   const bool certain = here || need == KeyFrameNeed::kUrgent || frame.outcome.initialized_now;
   MapDelta made = offload_.create_keyframe(worker, frame, need, certain);
   if (made.keyframes.empty()) return;
@@ -137,7 +137,7 @@ void SwitchedMapping::finish(Worker& worker) {
 void SwitchedMapping::place_keyframes(PoseBook& book) const {
   offload_.shutdown().place_keyframes(book);
   if (edge_has_the_map_ && offload_.shutdown().answered()) return;
-  // The edge has not seen how the map went on here, or is not there to tell.
+  // The edge lacks the latest changes of this map, or did not answer.
   book.placed_in(*node_.tracker().map());
 }
 

@@ -11,39 +11,40 @@
 
 namespace slambed {
 
-/// Where mapping runs, from the strategy's state by place_of (mobile_policy.cpp); tracking always
-/// runs on the mobile node. STATE has it as a number.
+/// Where mapping runs; place_of (mobile_policy.cpp) derives it from the strategy's state. Tracking
+/// always runs on the mobile node. STATE carries it as a number.
 enum class MappingPlace : std::uint8_t { kEdge, kBoth, kMobile };
 
-/// Edge-SLAM's mobile node with a mapper of its own: mapping moves between the nodes while the run
-/// goes on, the map goes along. Where it runs is the system's decision. On the tracking worker.
+/// Edge-SLAM's mobile node with its own mapper: mapping moves between the nodes during the run, and
+/// the map with it. The system decides where mapping runs. Call it on the tracking worker.
 class SwitchedMapping {
  public:
   SwitchedMapping(MobileNode& node, const Parameters& parameters);
 
   void start();
-  /// Between two frames: updates and hand-overs take effect, an edge that lost its map gets it.
+  /// Runs between two frames: applies updates and finished hand-overs, and sends the map to an edge
+  /// that has lost it.
   void before_frame(Worker& worker);
-  /// First thing after each frame.
+  /// Call it first after each frame.
   void after_frame(Worker& worker, const TrackedFrame& frame);
-  /// RTT to decide with; nothing when the edge or the path is silent.
+  /// Returns the RTT to decide with, or nothing when the edge or the path is silent.
   std::optional<Duration> rtt(RunTime now) const { return contact_.rtt(now); }
-  /// Mapping runs there from now on; returns the epoch of the maps that the edge sends then.
+  /// Moves mapping there. Returns the epoch of the maps that the edge sends from then on.
   std::uint64_t move_to(MappingPlace place, std::optional<Duration> rtt);
-  /// What waited for the map to go over, once it has: the mapper here rests, deferred keyframes
-  /// leave.
+  /// Once the edge has the map, parks the mobile's mapper unless it is still needed, and sends
+  /// deferred keyframes.
   void finish_handover(Worker& worker);
-  /// Whether one should be made of the frame that was tracked last.
+  /// Returns whether the last tracked frame should become a keyframe.
   bool wants_keyframe();
-  /// Makes it, and gives it to whoever maps.
+  /// Makes a keyframe and passes it to the mappers.
   void make_keyframe(Worker& worker, const TrackedFrame& frame);
-  /// Playback is over.
+  /// Call it when playback is over.
   void finish(Worker& worker);
   void place_keyframes(PoseBook& book) const;
   MapCounts counts() const;
 
  private:
-  /// A keyframe that waits for the edge to take the map over.
+  /// A keyframe that waits until the edge has accepted the map.
   struct DeferredKeyFrame {
     TrackedFrame frame;
     MapDelta made;
@@ -54,8 +55,7 @@ class SwitchedMapping {
   void begin_epoch();
   void announce(std::optional<Duration> rtt);
   void send(Worker& worker, const TrackedFrame& frame, MapDelta made, KeyFrameNeed need);
-  /// Sends the oldest deferred keyframe once the one before has left: the queues on the way hold
-  /// two.
+  /// Sends the oldest deferred keyframe once the last one has left: the queues hold only two.
   void send_deferred(Worker& worker);
 
   MobileNode& node_;
@@ -65,10 +65,10 @@ class SwitchedMapping {
   MappingPlace place_ = MappingPlace::kEdge;
   std::uint64_t epoch_ = 0;
   std::deque<DeferredKeyFrame> deferred_;
-  bool edge_has_the_map_ = false;  ///< at the end of the run, all of it
+  bool edge_has_the_map_ = false;  ///< the edge has the whole map at the end of the run
 };
 
-/// Edge-SLAM's edge node that rests and takes maps over when it is told to.
+/// Edge-SLAM's edge node that can pause mapping and take over maps.
 class SwitchedMappingEdge final : public EdgePolicy {
  public:
   SwitchedMappingEdge(EdgeNode& node, const Parameters& parameters);

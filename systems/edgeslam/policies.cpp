@@ -16,7 +16,7 @@ EdgeSlamMobile::EdgeSlamMobile(MobileNode& node, const Parameters& parameters,
   offload_.downlink().on_applied([this, begins_there = !edge_prior_map(parameters).empty()](
                                      const wire::MapUpdate&, const std::shared_ptr<Map>&) {
     edge_has_map_ = true;
-    // Found in the map that the edge began with: it needs none of ours.
+    // The mobile relocalized in the edge's prior map, so the edge needs no map from here.
     if (begins_there && edge_session_ == 0) edge_session_ = node_.network().peer().session;
   });
 }
@@ -25,7 +25,7 @@ void EdgeSlamMobile::before_frame(Worker& worker, const OfferedFrame&) {
   offload_.before_frame(worker);
   while (const auto message = offload_.channels().keyframe.try_receive()) {
     if (!is(*message, wire::kKeyFrameWanted)) continue;
-    // Several come when several keyframes were under way: one answer is enough.
+    // The edge asks once for each keyframe in transit; one answer is enough.
     if (std::exchange(edge_has_map_, false)) keyframe_wanted_ = true;
   }
 }
@@ -34,7 +34,7 @@ void EdgeSlamMobile::after_frame(Worker& worker, const TrackedFrame& frame) {
   offload_.note_relocalization(frame);
   offload_.relocalize_after_frame(worker, frame);
   if (frame.outcome.state != TrackingState::kOk) return;
-  // A restarted edge knows nothing: its map begins with a keyframe made at once.
+  // A restarted edge has no map; it starts one with a keyframe that is made at once.
   const PeerState edge = node_.network().peer();
   const bool edge_is_new =
       edge.connected && edge.session != edge_session_ && !frame.outcome.initialized_now;
@@ -45,7 +45,7 @@ void EdgeSlamMobile::after_frame(Worker& worker, const TrackedFrame& frame) {
   const bool certain = need == KeyFrameNeed::kUrgent || frame.outcome.initialized_now;
   MapDelta made = offload_.create_keyframe(worker, frame, need, certain);
   if (made.keyframes.empty()) return;
-  // The first keyframe of a map is whole as it is made; the next ones lean on points sent before.
+  // The first keyframe of a map is whole as created; later ones refer to points sent before.
   const bool whole = edge_is_new || !edge_has_map_;
   if (whole) {
     const auto keyframes = keyframes_of(made);

@@ -6,8 +6,8 @@
 
 namespace slambed {
 
-/// Edge-SLAM's decisions on the mobile node: when to make a keyframe, what a new edge is sent, what
-/// one is asked for that has no map.
+/// Edge-SLAM's decisions on the mobile node: when to make a keyframe, and what to send to an edge
+/// that is new or has no map.
 class EdgeSlamMobile final : public MobilePolicy {
  public:
   EdgeSlamMobile(MobileNode& node, const Parameters& parameters,
@@ -33,9 +33,9 @@ class EdgeSlamMobile final : public MobilePolicy {
   MobileNode& node_;
   OffloadMobile offload_;
   std::uint64_t edge_session_ =
-      0;  ///< of the edge whose map began with one of our keyframes, or ours in it
-  bool edge_has_map_ = true;      ///< false: it said that it has none, and has sent none since
-  bool keyframe_wanted_ = false;  ///< at the next frame
+      0;  ///< of the edge whose map starts with our keyframe, or in whose map we started
+  bool edge_has_map_ = true;      ///< false: it reported that it has none, and has sent none since
+  bool keyframe_wanted_ = false;  ///< the edge wants one at the next frame
 };
 
 class EdgeSlamEdge final : public EdgePolicy {

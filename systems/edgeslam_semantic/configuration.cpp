@@ -15,7 +15,8 @@ constexpr std::array<Configuration, kRows> kTable{{
 }};
 /// Largest N of rows 1 to 4, ms.
 constexpr std::array<int, kRows - 1> kUpTo_ms{10, 15, 35, 50};
-/// Condition 2 blocks keyframes when a result is lost; after so many times f_max one is forced.
+/// Condition 2 blocks keyframes when a result is lost, so one is forced after this multiple of
+/// f_max frames.
 constexpr int kForcedAfter = 2;
 
 }  // namespace

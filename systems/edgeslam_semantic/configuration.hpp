@@ -8,37 +8,37 @@
 
 namespace slambed::edgeslam_semantic {
 
-/// One row of the paper's Table I: when a frame becomes a keyframe, and what is asked of extraction
-/// and segmentation.
+/// One row of the paper's Table I: thresholds of the keyframe decision (f_min, f_max, alpha, beta)
+/// and settings of extraction and segmentation.
 struct Configuration {
   int f_min = 20, f_max = 60;  ///< frames
   double alpha = 0.4, beta = 0.9;
   int levels = 8;    ///< n_l: octaves of the pyramid
-  double n_m = 0.8;  ///< of the segmentation's non-maximum suppression
+  double n_m = 0.8;  ///< threshold of the segmentation's non-maximum suppression
 };
 
 inline constexpr int kRows = 5;
 
-/// Table I, rows from 1 to kRows.
+/// Returns a row of Table I; rows are numbered from 1 to kRows.
 const Configuration& table_row(int row);
-/// The row for a network delay N. Unknown, or from 300 ms, where the table ends: the last one; 0:
-/// the first.
+/// Returns the row for a network delay N: the last one if N is unknown or beyond 300 ms, where the
+/// table ends.
 int row_for(std::optional<Duration> delay);
 
-/// What the keyframe decision knows of a frame (section V). Frames are those that were tracked.
+/// The input of the keyframe decision (section V). Only tracked frames are counted.
 struct FrameFacts {
   int frames_since_keyframe = 0;      ///< since the last one was selected
   int keyframes = 0;                  ///< selected so far in this map
-  int frames_since_optimization = 0;  ///< since the local map last was optimized
+  int frames_since_optimization = 0;  ///< since the local map was last optimized
   int features = 0;                   ///< of this frame
-  int keyframe_features = 0;          ///< of the last keyframe ...
-  int matched = 0;                    ///< ... and how many of those are found in this frame
+  int keyframe_features = 0;          ///< of the last keyframe
+  int matched = 0;                    ///< features of the last keyframe that this frame still has
 };
 
 enum class Selection {
   kNo,
   kByRule,  ///< the paper's four conditions
-  kForced,  ///< twice f_max frames passed without any optimization, as where a result was lost
+  kForced,  ///< 2 f_max frames passed without an optimization, e.g. because a result was lost
 };
 
 /// The paper's isKeyFrame.

@@ -6,7 +6,7 @@
 namespace slambed::edgeslam_semantic {
 namespace {
 
-/// What is known of a frame, whatever is culled in it.
+/// A frame's features and the truth about them.
 struct LabeledFrame {
   std::shared_ptr<const FeatureSet> features;
   std::vector<std::uint8_t> on_mover, near_mover;

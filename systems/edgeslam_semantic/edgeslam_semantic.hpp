@@ -5,8 +5,8 @@
 
 namespace slambed {
 
-/// Semantic edgeSLAM (INFOCOM 2020), and the two systems that it is compared with: ORB-SLAM and
-/// Mask-SLAM with everything on the edge.
+/// Semantic edgeSLAM (INFOCOM 2020) and its two baselines: ORB-SLAM and Mask-SLAM, fully offloaded
+/// to the edge.
 System edgeslam_semantic_system();
 
 }  // namespace slambed

@@ -54,7 +54,7 @@ std::span<const FeatureTrackId> FeatureTracks::track(const FeatureSet& features)
       track.id = old.id;
       track.du = (at.u - old.u) / steps;
       track.dv = (at.v - old.v) / steps;
-      old.id = 0;  // goes on here
+      old.id = 0;  // its successor replaces it
     } else {
       track.id = next_++;
     }

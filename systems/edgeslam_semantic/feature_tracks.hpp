@@ -10,36 +10,37 @@
 
 namespace slambed::edgeslam_semantic {
 
-/// Names what is one feature in one frame after the other.
+/// Identifies one feature across consecutive frames.
 using FeatureTrackId = std::uint64_t;
 
 struct FeatureTrackOptions {
-  float radius_px = 20;    ///< around where a feature is expected
-  float ratio = 0.9f;      ///< of the best distance to the second best
-  int missing_frames = 3;  ///< that a track outlives
+  float radius_px = 20;    ///< search radius around the predicted position
+  float ratio = 0.9f;      ///< largest ratio of the best distance to the second best
+  int missing_frames = 3;  ///< consecutive frames without a match that a track survives
 };
 
-/// Matches all features of each frame with those of the frames just before.
+/// Matches all features of each frame with those of the preceding frames.
 class FeatureTracks {
  public:
   explicit FeatureTracks(FeatureTrackOptions options) : options_(options) {}
 
-  /// The next frame. Returns the track of each feature, as long as nothing else is called.
+  /// Takes the next frame and returns the track of each feature. The span is valid until the next
+  /// call.
   std::span<const FeatureTrackId> track(const FeatureSet& features);
   /// Number of the newest frame, from 1.
   int frame() const { return frame_; }
   std::span<const FeatureTrackId> ids() const { return ids_; }
 
-  /// How many of these tracks the newest frame still has.
+  /// Returns how many of these tracks the newest frame has.
   int shared(const std::unordered_set<FeatureTrackId>& tracks) const;
 
  private:
   struct Track {
     FeatureTrackId id = 0;
     Descriptor descriptor{};
-    float u = 0, v = 0, du = 0, dv = 0;  ///< where it was last, and its step from frame to frame
+    float u = 0, v = 0, du = 0, dv = 0;  ///< last position, and motion in pixels per frame
     float angle_deg = 0;
-    int octave = 0, seen = 0;  ///< frame
+    int octave = 0, seen = 0;  ///< seen: number of the last frame with a match
   };
 
   FeatureTrackOptions options_;

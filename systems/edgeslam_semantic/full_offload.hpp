@@ -6,7 +6,7 @@
 
 namespace slambed::edgeslam_semantic {
 
-/// The mobile of ORB-SLAM and Mask-SLAM fully offloaded: a camera that waits for poses.
+/// The mobile of fully offloaded ORB-SLAM and Mask-SLAM: sends pictures and waits for poses.
 class OffloadedMobile final : public MobilePolicy {
  public:
   OffloadedMobile(MobileNode& node, const Parameters& parameters);

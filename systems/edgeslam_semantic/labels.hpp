@@ -10,16 +10,16 @@
 
 namespace slambed::edgeslam_semantic {
 
-/// Of keyframes: which features lie on something that moves (1).
+/// Per keyframe, 1 for each feature that lies on something that moves, else 0.
 using Labels = std::map<KeyFrameId, std::vector<std::uint8_t>>;
 
-/// Which features lie on something that moves, or nearer to it than the border: 1 for those.
+/// Returns 1 for each feature that lies on something that moves or within border_px of it, else 0.
 std::vector<std::uint8_t> features_on_masks(const FeatureSet& features, const FrameMasks& masks,
                                             int border_px);
 
-/// What a map does without: points at least half of whose observations lie on something that moves,
-/// and of the others those observations. A point behind somebody's outline is thus not lost with
-/// one mask.
+/// Culls points with at least half of their observations on something that moves, and detaches such
+/// observations from all other points. One mask alone thus does not delete a background point near
+/// a person's outline.
 MapDelta without_labeled(const MapView& view, const Labels& labels);
 
 }  // namespace slambed::edgeslam_semantic

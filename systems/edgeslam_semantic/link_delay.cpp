@@ -7,12 +7,12 @@
 namespace slambed::edgeslam_semantic {
 namespace {
 
-/// A new sample counts an eighth (RFC 6298, as in the kernel).
+/// A new sample has a weight of 1/8 (RFC 6298, as in the kernel).
 constexpr int kSmoothing = 8;
-/// Uploads are rare: with an eighth each, a change of rate would be told ten uploads late.
+/// Uploads are rare: with a weight of 1/8, a change of rate would show some ten uploads late.
 constexpr double kRateSmoothing = 2;
 constexpr std::size_t kSizes = 5;
-/// Uploads whose answer is still to come; older ones are given up.
+/// Most unacknowledged uploads that are tracked; the oldest is dropped first.
 constexpr std::size_t kMostUnderWay = 64;
 
 }  // namespace
@@ -53,8 +53,8 @@ void LinkDelay::acknowledged_locked(std::uint64_t sequence, RunTime when) {
   }
   const Upload upload = found->second;
   under_way_.erase(under_way_.begin(), std::next(found));
-  // One that waited behind another took the time between both answers; one that did not took a
-  // round trip more than its bytes.
+  // Back-to-back uploads are acknowledged one transmission time apart. A lone upload is
+  // acknowledged after its transmission time plus one RTT.
   std::optional<Duration> took;
   if (upload.behind && last_acknowledged_ > upload.sent) {
     took = when - last_acknowledged_;

@@ -10,34 +10,34 @@
 
 namespace slambed::edgeslam_semantic {
 
-/// The paper's N = L + M / B (section V): L from probes, B and M from acknowledged uploads. All
-/// times are the mobile's own. Thread-safe.
+/// Estimates the paper's N = L + M / B (section V): L from probes, B and M from acknowledged
+/// uploads. All times are on the mobile's clock. Thread-safe.
 class LinkDelay {
  public:
-  /// one_way: L is half the round trip, as M / B is one way; else all of it.
+  /// one_way: L is half the RTT, because M / B is one way too; otherwise L is the whole RTT.
   explicit LinkDelay(bool one_way) : one_way_(one_way) {}
 
-  /// A probe came back.
+  /// Adds the RTT of a probe.
   void probed(Duration round_trip);
-  /// An upload is about to go to the channel, which gives it a number ...
+  /// Notes an upload right before it is passed to the channel, when it has no sequence number yet.
   void going(std::size_t bytes, RunTime when);
-  /// ... this one. Its answer may have come meanwhile.
+  /// Gives that upload its sequence number. Its acknowledgment may already have arrived.
   void numbered(std::uint64_t sequence);
-  /// The edge has told that it came; unknown and repeated numbers are ignored.
+  /// Notes the edge's acknowledgment; ignores unknown and repeated sequence numbers.
   void acknowledged(std::uint64_t sequence, RunTime when);
 
   std::optional<Duration> round_trip() const;
   std::optional<double> bytes_per_s() const;
-  /// M: mean of the last five uploads, 0 before the first.
+  /// M: mean size of the last five uploads, 0 before the first.
   double mean_bytes() const;
-  /// Nothing until a probe and an upload have come back.
+  /// Returns N, or nothing until both a probe and an upload were acknowledged.
   std::optional<Duration> delay() const;
 
  private:
   struct Upload {
     std::size_t bytes = 0;
     RunTime sent{};
-    bool behind = false;  ///< sent while another was under way
+    bool behind = false;  ///< sent while another was unacknowledged
   };
 
   void acknowledged_locked(std::uint64_t sequence, RunTime when);
@@ -48,8 +48,8 @@ class LinkDelay {
   std::optional<Duration> round_trip_;
   std::optional<double> seconds_per_byte_;
   std::map<std::uint64_t, Upload> under_way_;
-  std::optional<Upload> going_;                      ///< has no number yet
-  std::map<std::uint64_t, RunTime> answered_early_;  ///< while it has none
+  std::optional<Upload> going_;                      ///< has no sequence number yet
+  std::map<std::uint64_t, RunTime> answered_early_;  ///< acknowledgments that came meanwhile
   std::deque<std::size_t> sizes_;
   RunTime last_acknowledged_{};
 };

@@ -17,7 +17,7 @@ double median(std::vector<double> values) {
   return *middle;
 }
 
-/// Builds the delta point by point: each comes once, with the first keyframe that sees it.
+/// Builds the delta. Each point is added once, with the first keyframe that sees it.
 class Composer {
  public:
   Composer(const MapView& before, const LocalMapParts& parts) : before_(before), parts_(parts) {
@@ -39,7 +39,7 @@ class Composer {
   }
 
  private:
-  /// Own points that the window sees otherwise.
+  /// Notes own points that the window replaces by another point at the same feature.
   void note_renamed(KeyFrameId id, const MapWindow::ObservedKeyFrame& observed) {
     const KeyFrame* known = before_.keyframe(id);
     if (!known) return;

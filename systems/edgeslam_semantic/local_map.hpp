@@ -10,37 +10,35 @@
 
 namespace slambed::edgeslam_semantic {
 
-/// A keyframe as only the mobile has it whole.
+/// What only the mobile knows of a keyframe; slices do not carry it.
 struct OwnKeyFrame {
   std::uint64_t frame_index = 0;
   double timestamp_s = 0;
   std::shared_ptr<const FeatureSet> features;
 };
 
-/// Keyframes up to the slice's that are not in the window go, with their features: those older than
-/// all of it, which the edge lets come back no more, and those that it has deleted. newest:
-/// keyframe of the slice.
+/// Erases own keyframes that are not newer than the slice's keyframe `newest` and not in the
+/// window: the edge has deleted them, or they left the window, and neither kind returns to it.
 void forget_left(std::map<KeyFrameId, OwnKeyFrame>& own, const MapWindow& window,
                  KeyFrameId newest);
 
-/// The move from the world as the mobile has it to the one that a slice knows, as seen from a
-/// keyframe that both have: its rough pose becomes the optimized one. The scale is that of the
-/// points that both have (median of their distances from the keyframe); within half a percent of 1,
-/// or with few of them, it is 1.
+/// Returns the transform from the mobile's world to the slice's world that maps the rough pose of a
+/// shared keyframe onto its optimized pose. Its scale is the median ratio of the distances from
+/// that keyframe to the shared points. It is 1 with fewer than 15 points or within 0.5 % of 1.
 Sim3 correction_at(const MapView& rough, KeyFrameId keyframe, const MapWindow& optimized);
 
-/// What the mobile's local map is made of after a slice.
+/// Input of the mobile's new local map after a slice.
 struct LocalMapParts {
   const MapWindow& window;
-  const std::map<KeyFrameId, OwnKeyFrame>& own;  ///< all keyframes of the window are here
-  KeyFrameId newest;                             ///< keyframe of the slice: what is newer stays
-  Sim3 S_new_old;                                ///< moves what stays
-  std::set<MapPointId> gone;  ///< points that do not stay: deleted on the edge, or on what moves
+  const std::map<KeyFrameId, OwnKeyFrame>& own;  ///< window keyframes missing here are skipped
+  KeyFrameId newest;                             ///< keyframe of the slice; newer ones are kept
+  Sim3 S_new_old;                                ///< moves what is kept
+  std::set<MapPointId> gone;  ///< points to drop: deleted by the edge, or on something that moves
 };
 
-/// The window, and of the map as it was the keyframes that are newer than the slice with the points
-/// that they see, moved. A point of the mobile's own that the window has another one for (the same
-/// feature of the same keyframe) becomes that one.
+/// Returns the window plus, from the map before, the keyframes newer than the slice and their
+/// points, moved by S_new_old. Where the window has another point at the same feature of the same
+/// keyframe, it replaces the mobile's own point.
 MapDelta local_map(const MapView& before, const LocalMapParts& parts);
 
 }  // namespace slambed::edgeslam_semantic

@@ -4,8 +4,8 @@
 namespace slambed::edgeslam_semantic {
 namespace {
 
-/// A slice carries positions as 32-bit floats. Volatile, because GCC 12 at -O3 takes two such
-/// roundings side by side for nothing.
+/// Rounds as a slice does, which carries positions as 32-bit floats. The float is volatile because
+/// GCC 12 at -O3 optimizes away two adjacent roundings.
 double as_sent(double value) {
   const volatile float sent = static_cast<float>(value);
   return sent;
@@ -85,7 +85,7 @@ void apply(MapWindow& window, const MapSlice& slice) {
   const MapDelta& changes = slice.changes;
   for (const PointPosition& point : changes.positions) window.points[point.id] = point.p_w;
   for (const KeyFramePose& pose : changes.poses) window.keyframes[pose.id].T_cw = pose.T_cw;
-  // Detached first: a point may have gone over to another feature of the keyframe.
+  // Detach first: a point may have moved to another feature of the same keyframe.
   for (const ObservationEdit& edit : changes.detach) {
     const auto keyframe = window.keyframes.find(edit.keyframe);
     if (keyframe != window.keyframes.end()) keyframe->second.points.erase(edit.feature);
@@ -100,7 +100,7 @@ void apply(MapWindow& window, const MapSlice& slice) {
   for (const auto* gone : {&changes.culled_points, &slice.left_points})
     for (const MapPointId id : *gone) window.points.erase(id);
   for (const PointFusion& fusion : changes.fusions) window.points.erase(fusion.gone);
-  // difference() detaches them too; whoever wrote the message may not have.
+  // difference() detaches these observations, but a message from a peer may not.
   for (auto& [id, observed] : window.keyframes)
     std::erase_if(observed.points,
                   [&](const auto& seen) { return !window.points.contains(seen.second); });

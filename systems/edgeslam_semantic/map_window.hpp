@@ -10,7 +10,7 @@
 namespace slambed::edgeslam_semantic {
 
 /// The part of the global map that the mobile keeps: the newest uploaded keyframes and all points
-/// they see. Features are not in it: both nodes have them.
+/// they see. It has no features because both nodes have them already.
 struct MapWindow {
   struct ObservedKeyFrame {
     SE3 T_cw;
@@ -24,21 +24,21 @@ struct MapWindow {
   std::map<MapPointId, Eigen::Vector3d> points;
 };
 
-/// As it is in a map. Positions are rounded to what a slice carries.
+/// Reads the window of these keyframes from a map. Positions are rounded as a slice carries them.
 MapWindow window_of(const MapView& view, std::span<const KeyFrameId> keyframes);
 
-/// What turns one window into a later one.
+/// The difference between a window and a later one.
 struct MapSlice {
-  /// Points by position, new and moved alike; keyframes by pose; observations. Culled: gone from
-  /// the global map; a point that became another there is in fusions.
+  /// Positions of new and moved points, poses of new and moved keyframes, and observations. Culled
+  /// ones are gone from the global map; a point that was merged into another is in fusions.
   MapDelta changes;
   std::vector<KeyFrameId> left_keyframes;  ///< still in the global map
   std::vector<MapPointId> left_points;
 };
 
-/// view: the map that `now` was taken of.
+/// Returns the slice that turns `before` into `now`. view: the map from which `now` was read.
 MapSlice difference(const MapWindow& before, const MapWindow& now, const MapView& view);
-/// difference's inverse: before becomes now.
+/// Applies a slice: turns difference()'s `before` into its `now`.
 void apply(MapWindow& window, const MapSlice& slice);
 
 }  // namespace slambed::edgeslam_semantic

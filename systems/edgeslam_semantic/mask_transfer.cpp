@@ -6,13 +6,16 @@
 namespace slambed::edgeslam_semantic {
 namespace {
 
-/// Frames after which a keyframe's mask is not waited for any more: labels of it would have ended.
-constexpr int kKeptFrames = 150;
+/// A keyframe is kept for this many frames longer than labels last: its mask may come late.
+constexpr int kKeptBeyondLabels = 30;
 
-/// Frames that a mask may be late and still reach whatever began meanwhile.
+/// Past frames that a late mask can still label.
 constexpr std::size_t kPastFrames = 60;
 
 }  // namespace
+
+MaskTransfer::MaskTransfer(LabelOptions labels, FeatureTrackOptions tracks)
+    : tracks_(tracks), labels_(labels), kept_frames_(labels.frames + kKeptBeyondLabels) {}
 
 void MaskTransfer::track(std::shared_ptr<const FeatureSet> features) {
   const auto ids = tracks_.track(*features);
@@ -73,7 +76,7 @@ Labels MaskTransfer::labels() const {
 
 void MaskTransfer::forget_old() {
   std::erase_if(kept_, [this](const auto& entry) {
-    return tracks_.frame() - entry.second.frame->number > kKeptFrames;
+    return tracks_.frame() - entry.second.frame->number > kept_frames_;
   });
 }
 

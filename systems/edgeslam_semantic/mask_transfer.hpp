@@ -11,33 +11,32 @@
 
 namespace slambed::edgeslam_semantic {
 
-/// The paper's mask transfer: masks of keyframes become labels of later frames' features, and of
-/// points.
+/// The paper's mask transfer: turns masks of keyframes into labels of later frames' features and of
+/// keyframes' features.
 class MaskTransfer {
  public:
-  explicit MaskTransfer(LabelOptions labels, FeatureTrackOptions tracks = {})
-      : tracks_(tracks), labels_(labels) {}
+  explicit MaskTransfer(LabelOptions labels, FeatureTrackOptions tracks = {});
 
   /// Continues the feature tracks into the next frame.
   void track(std::shared_ptr<const FeatureSet> features);
-  /// Per feature of it: 1 where no label says that it moves.
+  /// Per feature of the newest frame: 1 unless a label marks it as moving.
   const std::vector<std::uint8_t>& free() const { return free_; }
-  /// The frame became a keyframe, of its free features alone.
+  /// Notes that the newest frame became a keyframe, which has only the free features.
   void keep(KeyFrameId id);
-  /// The same of one that others are compared with (isKeyFrame).
+  /// Like keep(), and later frames are compared with this keyframe (isKeyFrame).
   void keep_for_comparison(KeyFrameId id);
 
   int compared_features() const { return static_cast<int>(compared_.size()); }
   int matched() const { return tracks_.shared(compared_); }
-  /// Age of the mask that the newest frame stands on, in frames; negative without one.
+  /// Age in frames of the newest mask, or -1 without one.
   int mask_age() const { return labels_.newest() > 0 ? tracks_.frame() - labels_.newest() : -1; }
 
-  /// A keyframe's mask, however late: the frames since then, up to 60, are labeled as if it had
-  /// come at once. False when the keyframe is not known (any longer).
+  /// Applies a keyframe's mask. A late mask labels up to 60 frames since its keyframe as if it had
+  /// come at once. Returns false if the keyframe is unknown or forgotten.
   bool apply(KeyFrameId id, const FrameMasks& masks);
-  /// The labels as they are now of the keyframes kept.
+  /// Returns the current labels of all kept keyframes.
   Labels labels() const;
-  /// A new map begins; tracks go on.
+  /// Forgets all keyframes because a new map begins; tracks and labels continue.
   void clear();
 
  private:
@@ -45,13 +44,14 @@ class MaskTransfer {
     std::shared_ptr<const FrameTracks> frame;
     std::vector<FeatureTrackId> own_tracks;  ///< of the keyframe's features
   };
-  /// Keyframes that are older than any label go, whether or not a mask has ever come.
+  /// Forgets keyframes whose labels have expired for a while, whether or not their masks have come.
   void forget_old();
   void set_free();
 
   FeatureTracks tracks_;
   TrackLabels labels_;
-  std::deque<std::shared_ptr<const FrameTracks>> past_;  ///< the newest frames, the last is now
+  int kept_frames_;  ///< age in frames at which a keyframe is forgotten
+  std::deque<std::shared_ptr<const FrameTracks>> past_;  ///< newest frames, newest last
   std::vector<std::uint8_t> free_;
   std::unordered_set<FeatureTrackId> compared_;
   std::map<KeyFrameId, Kept> kept_;

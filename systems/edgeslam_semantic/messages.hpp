@@ -11,29 +11,27 @@ namespace slambed::edgeslam_semantic {
 
 using wire::Bytes, wire::SensorPtr;
 
-/// Keyframes whose pictures are segmented.
 inline constexpr wire::MessageRange kMessages(wire::kFirstOwnType,
                                               {"SEMANTIC_KEYFRAME", "OPT_RESULT", "MASK", "NO_MASK",
                                                "KEYFRAME_REFUSED"});
 
-/// A map begins with two; that of a restarted edge with some more, so that its bundle keeps the
-/// scale.
+/// A map starts with two keyframes. After an edge restart the first upload has more, so that bundle
+/// adjustment keeps the scale.
 inline constexpr int kMostSemanticKeyFrames = 5;
 
-/// SEMANTIC_KEYFRAME, mobile -> edge: a keyframe to be mapped, and its picture to be segmented.
+/// SEMANTIC_KEYFRAME, mobile -> edge: a keyframe to map and its picture to segment.
 struct SemanticKeyFrame {
   static constexpr wire::MessageType kType = kMessages["SEMANTIC_KEYFRAME"];
-  /// The newer of the two keyframes that its map began with: answers about another map are worth
-  /// nothing.
+  /// Newest keyframe of the first upload of this map. The mobile ignores answers about another map.
   KeyFrameId map_id;
   RunTime captured{};               ///< when playback offered its frame
-  std::uint64_t applied_slice = 0;  ///< number of the newest slice that the pose knows of, 0: none
-  /// Newest point of an edge's making that the mobile knows: a restarted one numbers on behind it.
+  std::uint64_t applied_slice = 0;  ///< newest slice applied before this upload, 0: none
+  /// Newest edge-made point that the mobile knows. A restarted edge continues numbering after it.
   MapPointId newest_edge_point{};
   double n_m = 0.8;  ///< threshold of the segmentation's non-maximum suppression
-  /// The keyframe (the first message of a map: all that it begins with, with all their points),
-  /// with the ids of points that the edge knows, points that it does not, and which earlier
-  /// keyframes saw those.
+  /// The keyframe with the ids of its points, the points that the edge does not know yet, and their
+  /// observations in earlier keyframes. The first message of a map has all of its first keyframes
+  /// and points.
   MapDelta delta;
   Bytes jpeg;  ///< empty: nothing is segmented
 
@@ -41,17 +39,17 @@ struct SemanticKeyFrame {
   bool first() const { return keyframe() == map_id; }
 };
 
-/// OPT_RESULT, edge -> mobile: what mapping a keyframe came to, as what has changed in the part of
-/// the map that the mobile keeps since the slice before.
+/// OPT_RESULT, edge -> mobile: the result of mapping a keyframe, as a slice with the changes since
+/// the previous slice in the part of the map that the mobile keeps.
 struct OptResult {
   static constexpr wire::MessageType kType = kMessages["OPT_RESULT"];
   KeyFrameId map_id;
-  std::uint64_t number = 0;  ///< of slices in this map, from 1
+  std::uint64_t number = 0;  ///< of the slice in this map, from 1
   KeyFrameId keyframe;
   SE3 T_cw;  ///< of the keyframe, optimized
   wire::UpdateTimes times;
-  /// Points by position (new ones and moved ones alike), keyframes by pose, observations, what the
-  /// edge has deleted. No keyframe is in it whole: the mobile made them all.
+  /// Positions of new and moved points, poses of keyframes, observations, and deletions. It has no
+  /// complete keyframes because the mobile made them all.
   MapDelta changes;
   std::vector<KeyFrameId>
       left_keyframes;  ///< still in the global map, no longer in the mobile's part
@@ -63,27 +61,27 @@ struct MaskMessage {
   static constexpr wire::MessageType kType = kMessages["MASK"];
   KeyFrameId map_id;
   KeyFrameId keyframe;
-  Duration took{};  ///< from the picture's arrival
+  Duration took{};  ///< since the picture arrived
   FrameMasks masks;
 };
 
 /// Why a keyframe's picture has no mask.
 enum class NoMaskReason : std::uint8_t {
   kNotSegmented = 0,  ///< the segmentation failed, or refused the picture
-  kNotMapped = 1,     ///< the edge declined the keyframe, picture and all
+  kNotMapped = 1,     ///< the edge declined the keyframe and its picture
 };
 
-/// NO_MASK, edge -> mobile: in place of a MASK that will not come, so that nobody waits for it.
+/// NO_MASK, edge -> mobile: replaces a MASK that will not come, so that the mobile stops waiting.
 struct NoMaskMessage {
   static constexpr wire::MessageType kType = kMessages["NO_MASK"];
   KeyFrameId map_id;
   KeyFrameId keyframe;
-  Duration took{};  ///< from the picture's arrival
+  Duration took{};  ///< since the picture arrived
   NoMaskReason reason = NoMaskReason::kNotSegmented;
 };
 
-/// KEYFRAME_REFUSED, edge -> mobile: what came under this number could not be read, so no answer
-/// will come of it.
+/// KEYFRAME_REFUSED, edge -> mobile: the edge could not decode an upload, so it will send neither a
+/// slice nor a mask for it.
 struct KeyFrameRefused {
   static constexpr wire::MessageType kType = kMessages["KEYFRAME_REFUSED"];
   std::uint64_t sequence = 0;  ///< of the SEMANTIC_KEYFRAME
@@ -95,7 +93,7 @@ Bytes encode(const MaskMessage& message);
 Bytes encode(const NoMaskMessage& message);
 Bytes encode(const KeyFrameRefused& message);
 
-/// All throw wire::DecodeError and nothing else.
+/// All decoders throw wire::DecodeError and nothing else.
 SemanticKeyFrame decode_semantic_keyframe(std::span<const std::uint8_t> bytes,
                                           const SensorPtr& sensor);
 OptResult decode_opt_result(std::span<const std::uint8_t> bytes);

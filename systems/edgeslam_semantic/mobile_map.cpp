@@ -8,7 +8,8 @@
 namespace slambed::edgeslam_semantic {
 namespace {
 
-/// An own point goes up when two uploaded keyframes see it: with one alone it has no depth there.
+/// Uploaded keyframes that must see an own point before it is uploaded: with one, the edge could
+/// not determine its depth.
 constexpr std::size_t kLeastObservations = 2;
 
 LocalMapperOptions mapper_options(int neighbors) {
@@ -111,7 +112,7 @@ SemanticKeyFrame MobileMap::upload_whole(KeyFrameId id) {
   return message;
 }
 
-/// Own points that the edge does not know yet, or none in their place.
+/// Adds own points that the edge does not know yet. Clears ids of points with too few observations.
 void MobileMap::add_points(const MapView& view, NewKeyFrame& keyframe, MapDelta& delta) {
   for (MapPointId& id : keyframe.points) {
     if (!id || known_at_edge(id)) continue;
@@ -192,7 +193,7 @@ void MobileMap::keep_newest(Worker& worker) {
   });
 }
 
-/// Memory is to hang on the window, not on the length of the run.
+/// Keeps memory proportional to the window, not to the length of the run.
 void MobileMap::forget_left(KeyFrameId newest) {
   if (window_.keyframes.empty()) return;
   std::erase_if(uploaded_,

@@ -11,31 +11,31 @@
 
 namespace slambed::edgeslam_semantic {
 
-/// The mobile's local map: what slices brought, and what the mobile made itself since, by
-/// triangulation without any bundle. All on the tracking worker, between two frames or behind one.
+/// The mobile's local map: the content of slices plus what the mobile has triangulated since,
+/// without bundle adjustment. All calls are on the tracking worker, before or after a frame.
 class MobileMap {
  public:
   struct Options {
-    int neighbors;  ///< keyframes that a new one is triangulated with
-    int keyframes;  ///< uploaded ones that stay where no slice comes
+    int neighbors;  ///< keyframes with which a new one is triangulated
+    int keyframes;  ///< uploaded keyframes that keep_newest() keeps
   };
   MobileMap(MobileNode& node, Options options);
 
-  /// A keyframe was made: triangulates its points.
+  /// Inserts a new keyframe and triangulates its points.
   void extend(Worker& worker, const MapDelta& made);
-  /// What goes up of it, its points with earlier observations of theirs that the edge knows of.
-  /// `made`: of the beginning of a map.
+  /// Returns the upload of the newest keyframe of `made`. The first upload of a map is all of
+  /// `made`; later ones have the points that are new to the edge, with their earlier observations.
   SemanticKeyFrame upload(const MapDelta& made);
-  /// What goes up to an edge that knows nothing: its map begins with this keyframe and those that
-  /// see most of the same, with all their points. Slices count anew.
+  /// Returns an upload for an edge that has no map yet: this keyframe, its best covisible
+  /// keyframes, and all their points. Numbering of slices restarts.
   SemanticKeyFrame upload_whole(KeyFrameId keyframe);
-  /// Takes a slice over. False when it is of another map, or none that follows the last one.
+  /// Applies a slice. Returns false if it is of another map or not newer than the last one.
   bool apply(Worker& worker, const OptResult& result);
-  /// No answers come: the newest uploaded keyframes stay, and references since the last but one.
-  /// With fewer the next points are seen too seldom for references to be made, and the camera is
-  /// lost when slices come again.
+  /// Bounds the map while no slices come: keeps the newest uploaded keyframes and all references
+  /// since the last but one. With fewer keyframes, points have too few observations for new
+  /// references, and tracking is lost when slices come again.
   void keep_newest(Worker& worker);
-  /// Points and observations on what moves go, and are not taken from slices again.
+  /// Deletes points and observations on what moves. Later slices do not bring the points back.
   void cull(const Labels& labels);
   void reset();
 
@@ -55,14 +55,14 @@ class MobileMap {
   MobileNode& node_;
   Options options_;
   LocalMapper mapper_;
-  MapWindow window_;                       ///< as the edge has it, by the last slice
+  MapWindow window_;                       ///< the edge's window as of the last slice
   std::map<KeyFrameId, OwnKeyFrame> own_;  ///< of the window and newer
   std::set<KeyFrameId> uploaded_;          ///< of the window and newer
   int uploads_ = 0;                        ///< in this map so far
-  /// Own points that went up, and what a mask took away; by the newest keyframe of that time. Not
-  /// of the window alone: what was seen in none but keyframes that left it comes back no more.
+  /// Own points that were uploaded, and points that a mask culled, with the newest keyframe at that
+  /// time. Entries older than the window go once their points are in neither window nor local map.
   std::map<MapPointId, KeyFrameId> sent_, on_movers_;
-  MapPointId newest_edge_point_;  ///< of all that slices told
+  MapPointId newest_edge_point_;  ///< of all slices so far
   KeyFrameId map_id_;
   std::uint64_t applied_ = 0;
 };

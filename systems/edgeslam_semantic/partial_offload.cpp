@@ -13,10 +13,10 @@ namespace slambed::edgeslam_semantic {
 namespace {
 
 constexpr int kAllLevels = 8;
-/// An answer that has not come by then is not waited for any more.
+/// How long the mobile waits for an answer to an upload.
 constexpr Duration kPatience = std::chrono::seconds(5);
-/// Why a keyframe goes up with all its points: another edge process knows nothing of this map, or
-/// this one could not read its beginning.
+/// Reasons why a keyframe is uploaded with the whole local map: a restarted edge has no map, or the
+/// edge could not decode the map's first upload.
 constexpr std::string_view kEdgeRestarted = "restart", kMapRefused = "refused";
 
 LabelOptions label_options(const Parameters& parameters) {
@@ -119,14 +119,14 @@ void SemanticMobile::no_longer_waits_for_mask(KeyFrameId keyframe) {
     found->second.mask = false;
 }
 
-/// Labels of earlier masks go on, as long as those last.
+/// Labels of earlier masks stay valid until they expire.
 void SemanticMobile::on_no_mask(const NoMaskMessage& missing) {
   if (missing.map_id != map_.map_id()) return;
   const bool mapped = missing.reason != NoMaskReason::kNotMapped;
   if (mapped) {
     no_longer_waits_for_mask(missing.keyframe);
   } else {
-    // Uploads come in order: it never had the first one of this map.
+    // Uploads arrive in order, so the edge never got the first one of this map.
     edge_lacks_map_ = true;
     waiting_.erase(missing.keyframe);
   }
@@ -136,7 +136,7 @@ void SemanticMobile::on_no_mask(const NoMaskMessage& missing) {
                         .add_ms("nrcc_ms", missing.took));
 }
 
-/// The edge could not read an upload: neither slice nor mask will come of it.
+/// The edge could not decode an upload, so neither a slice nor a mask will come for it.
 void SemanticMobile::refused(std::uint64_t sequence) {
   const auto keyframe = uploads_.keyframe_of(sequence);
   if (!keyframe) return;
@@ -164,7 +164,7 @@ void SemanticMobile::on_mask(Worker& worker, const MaskMessage& mask) {
                         .add_ms("nrcc_ms", mask.took));
 }
 
-/// Removes uploads whose answers are all back, or that nobody waits for any longer.
+/// Forgets uploads that were fully answered or have timed out.
 void SemanticMobile::forget_answered(RunTime now) {
   std::erase_if(waiting_, [&](const auto& entry) {
     const Waiting& waiting = entry.second;
@@ -195,7 +195,8 @@ std::shared_ptr<const FeatureSet> SemanticMobile::before_tracking(
   return features;
 }
 
-/// Pixels as the lens made them, where masks lie. Judged afterwards by labels, which no node reads.
+/// Logs distorted pixel coordinates, because masks are in the raw picture. They are scored after
+/// the run against the sequence's labels, which no node reads.
 void SemanticMobile::log_features(const OfferedFrame& frame, const FeatureSet& features) const {
   const Camera& camera = features.sensor().camera;
   const auto& free = transfer_.free();
@@ -252,7 +253,7 @@ void SemanticMobile::after_frame(Worker& worker, const TrackedFrame& frame) {
   if (local_references_ && node_.tracker().wants_keyframe({})) make_keyframe(worker, frame, {});
 }
 
-/// Why the edge's map has to begin with what the mobile has.
+/// Returns the reason why the edge needs the mobile's whole local map, or nothing.
 std::optional<std::string_view> SemanticMobile::begin_anew() const {
   const PeerState edge = node_.network().peer();
   if (!map_.map_id() || !edge.connected) return std::nullopt;
@@ -261,7 +262,7 @@ std::optional<std::string_view> SemanticMobile::begin_anew() const {
   return std::nullopt;
 }
 
-/// Why the frame goes up; nothing: it does not.
+/// Returns the reason why the frame is uploaded as a keyframe, or nothing.
 std::optional<std::string_view> SemanticMobile::choose() {
   if (!by_table_) {
     if (!waiting_.empty()) return std::nullopt;
@@ -279,7 +280,7 @@ std::optional<std::string_view> SemanticMobile::choose() {
   return std::nullopt;
 }
 
-/// Rows of Table I change at keyframes only.
+/// Selects the configuration. Called only at uploads, so the row of Table I changes only there.
 void SemanticMobile::configure() {
   const int row = fixed_row_ > 0 ? fixed_row_ : row_for(uploads_.delay());
   if (by_table_) {
@@ -300,7 +301,7 @@ void SemanticMobile::configure() {
   node_.use_levels(configuration_.levels);
 }
 
-/// With a reason it goes up; without one it is a reference of the local map alone.
+/// Makes a keyframe. With a reason it is uploaded; without one it is a local reference only.
 void SemanticMobile::make_keyframe(Worker& worker, const TrackedFrame& frame,
                                    std::optional<std::string_view> reason) {
   const KeyFrameNeed need = node_.tracker().keyframe_need();

@@ -13,7 +13,7 @@
 namespace slambed::edgeslam_semantic {
 
 /// edgeSLAM's mobile: tracks every frame against a rough local map, never waits for the edge, and
-/// applies what comes from it between two frames.
+/// applies the edge's answers between two frames.
 class SemanticMobile final : public MobilePolicy {
  public:
   SemanticMobile(MobileNode& node, const Parameters& parameters);
@@ -29,12 +29,12 @@ class SemanticMobile final : public MobilePolicy {
   MapCounts counts() const override { return shutdown_.counts(); }
 
  private:
-  /// What an upload still waits for.
+  /// The answers that an upload still waits for.
   struct Waiting {
     bool result = true, mask = true;
     RunTime since{};
   };
-  /// When the parts of the frame at hand ended.
+  /// When each part of the current frame's work ended.
   struct Moments {
     RunTime updated{}, extracted{}, culled{};
   };
@@ -68,17 +68,17 @@ class SemanticMobile final : public MobilePolicy {
   Mailbox<OptResult> results_;
   Mailbox<MaskMessage> arrived_masks_;
   Mailbox<NoMaskMessage> missing_masks_;
-  Mailbox<std::uint64_t> refusals_;  ///< of uploads, by their numbers
+  Mailbox<std::uint64_t> refusals_;  ///< sequence numbers of refused uploads
 
   int row_ = kRows;
   Configuration configuration_;
   FrameFacts facts_;
-  std::map<KeyFrameId, Waiting> waiting_;  ///< uploads whose answers are not all back
-  std::uint64_t edge_session_ = 0;         ///< of the edge that this map went to
-  bool edge_lacks_map_ = false;            ///< it has told that it has no beginning of it
-  bool unanswered_ = false;                ///< an upload had no result in time, and none since
+  std::map<KeyFrameId, Waiting> waiting_;  ///< uploads that still wait for an answer
+  std::uint64_t edge_session_ = 0;         ///< of the edge that got this map's first upload
+  bool edge_lacks_map_ = false;            ///< the edge did not get this map's first upload
+  bool unanswered_ = false;                ///< an upload timed out, and no slice came since
   Moments moments_;
-  int features_ = 0;  ///< of the frame at hand, before culling
+  int features_ = 0;  ///< of the current frame, before culling
 };
 
 }  // namespace slambed::edgeslam_semantic

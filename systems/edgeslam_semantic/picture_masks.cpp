@@ -32,7 +32,7 @@ void PictureMasks::work(Worker& worker) {
 
 PictureMasks::Answer PictureMasks::wait(Worker& worker) {
   auto answer = answers_.take(worker);
-  return answer ? std::move(*answer) : Answer{};  // none: the run stops
+  return answer ? std::move(*answer) : Answer{};  // no answer: the run stops
 }
 
 std::shared_ptr<const FeatureSet> PictureMasks::cull(Worker& worker,

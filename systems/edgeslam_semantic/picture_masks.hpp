@@ -10,28 +10,28 @@ namespace slambed {
 
 struct PictureMasksOptions {
   double threshold;  ///< n_m
-  int border_px;     ///< features so near to a mask lie on it
-  Duration floor;    ///< live, no mask comes sooner after its picture
+  int border_px;     ///< features within this distance of a mask count as on it
+  Duration floor;    ///< least duration of a segmentation in live runs
 };
 
-/// NRCC ("non-rigid context culling") on a worker of its own, so that a picture is segmented (stage
-/// `segment`) while it is extracted; then leaves out the features on what moves (stage
+/// NRCC ("non-rigid context culling"). A separate worker segments a picture (stage `segment`) while
+/// its features are extracted; cull() then drops the features on what moves (stage
 /// `cull_features`).
 class PictureMasks {
  public:
   struct Answer {
-    bool segmented = false;  ///< not: segmentation failed, or the run stops
-    FrameMasks masks;        ///< of no size where it is not segmented
-    Duration took{};         ///< from the time that ask was told
+    bool segmented = false;  ///< false: segmentation failed, or the run stops
+    FrameMasks masks;        ///< empty and of size 0 if not segmented
+    Duration took{};         ///< since ask()'s `since`
   };
 
-  /// bad_input where nothing segments pictures.
+  /// Throws bad_input if the node has no segmenter.
   PictureMasks(EdgeNode& node, PictureMasksOptions options);
 
   void start();
-  /// Asks for the masks of a picture. since: when work on the picture began.
+  /// Requests the masks of a picture. since: when work on the picture began.
   void ask(std::uint64_t frame, wire::Bytes jpeg, RunTime since);
-  /// Of the picture asked for last.
+  /// Waits for the answer to the oldest pending request.
   Answer wait(Worker& worker);
   std::shared_ptr<const FeatureSet> cull(Worker& worker, std::shared_ptr<const FeatureSet> features,
                                          const FrameMasks& masks) const;

@@ -9,7 +9,7 @@
 namespace slambed {
 namespace {
 
-/// So long an edge that is there, or may be, is waited for.
+/// How long the mobile waits for the next answer before it gives up all frames in flight.
 constexpr Duration kPatience = std::chrono::seconds(5);
 
 TrackOutcome outcome_of(const wire::FrameResult& result) {
@@ -41,7 +41,7 @@ void RemoteTracking::start() {
   node_.runtime().spawn("edge", [this](Worker& worker) { watch_edge(worker); });
 }
 
-/// Whoever waits for an answer looks again when the edge goes or comes.
+/// Wakes the worker that waits for an answer whenever the edge connects or disconnects.
 void RemoteTracking::watch_edge(Worker& worker) {
   Signal& changes = node_.network().peer_signal();
   while (!worker.stopping()) {
@@ -91,8 +91,7 @@ void RemoteTracking::wait_for(Worker& worker, std::uint64_t most_under_way) {
   }
 }
 
-/// Another edge process knows nothing of what the one before was sent; what waited meanwhile goes
-/// to the new one.
+/// Gives up frames sent to an edge that was replaced. Frames queued in between go to the new one.
 void RemoteTracking::give_up_lost() {
   const PeerState edge = node_.network().peer();
   if (edge.connected && edge.session != sent_to_) give_up(sent_there_);
@@ -105,7 +104,7 @@ void RemoteTracking::give_up(std::uint64_t last) {
   settle(last);
 }
 
-/// Answers come on another worker than frames are given up on.
+/// Raises answered_ atomically: answers arrive on one worker, another one gives frames up.
 void RemoteTracking::settle(std::uint64_t upto) {
   std::uint64_t before = answered_;
   while (before < upto && !answered_.compare_exchange_weak(before, upto)) {
@@ -131,7 +130,7 @@ void RemoteTracking::on_result(const Message& message) {
   TrackOutcome outcome = outcome_of(*result);
   const bool ok = result->state == wire::FrameState::kOk;
   if (ok && edge_ != message.session) {
-    // Another process knows nothing of the map before; its keyframes have the same names.
+    // A restarted edge starts an empty map and reuses the ids of earlier keyframes.
     if (edge_ != 0) {
       outcome.reset_now = true;
       node_.log().write(JsonLine("edge_restarted")

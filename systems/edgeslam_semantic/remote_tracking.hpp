@@ -9,19 +9,19 @@
 
 namespace slambed {
 
-/// Full offload, the mobile's side: each frame goes up as a picture, its pose comes down. Writes
-/// `frame_answered` with the parts of the way, which add up to its length. An edge that is started
-/// again begins a map, and the trajectory with it, as after a reset.
+/// The mobile's side of full offload: sends each frame as a picture and receives its pose. Logs
+/// `frame_answered` with the parts of the latency, which add up to the whole. A restarted edge
+/// starts a new map, so the trajectory restarts too, as after a reset.
 class RemoteTracking {
  public:
-  /// window: frames that may be under way at once, the next one is then the newest there is; 0: no
-  /// limit, each is sent.
+  /// window: most frames in flight at once; the next frame sent is then the newest one. 0: no
+  /// limit, every frame is sent.
   RemoteTracking(MobileNode& node, Channel& frames, int window);
 
   void start();
-  /// Sends the frame, and returns when another may go.
+  /// Sends the frame and returns when the window has space for another.
   void send(Worker& worker, const OfferedFrame& frame);
-  /// Returns when nothing is under way any more, or nothing more is to be expected.
+  /// Returns when no frame is in flight, or the answers in flight are given up.
   void drain(Worker& worker);
   std::uint64_t last_sequence() const { return sent_; }
 
@@ -39,10 +39,10 @@ class RemoteTracking {
   Channel& channel_;
   std::uint64_t window_;
   std::uint64_t sent_ = 0;
-  std::uint64_t sent_there_ = 0;  ///< the last one that went to an edge that was there ...
-  std::uint64_t sent_to_ = 0;     ///< ... and which one that was (session)
-  std::atomic<std::uint64_t> answered_{0};  ///< or given up
-  std::uint64_t edge_ = 0;  ///< session of the edge whose map poses are in; 0: none yet
+  std::uint64_t sent_there_ = 0;            ///< last frame sent while an edge was connected
+  std::uint64_t sent_to_ = 0;               ///< session of that edge
+  std::atomic<std::uint64_t> answered_{0};  ///< last frame that was answered or given up
+  std::uint64_t edge_ = 0;  ///< session of the edge whose map the poses refer to; 0: none yet
   std::unique_ptr<Signal> answer_;
 };
 

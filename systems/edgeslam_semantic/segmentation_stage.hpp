@@ -7,12 +7,12 @@
 
 namespace slambed {
 
-/// Stage `segment` of an edge: a picture's masks, or an event that says why it has none
-/// (`segment_failed`). Live, masks that come sooner are held back (`mask_held`), as if a network
-/// that takes that long had made them, one picture at a time.
+/// Stage `segment` of an edge. Without masks it logs the reason (`segment_failed`). In live runs it
+/// holds masks back until `floor` has passed (`mask_held`), one picture at a time, which imitates
+/// the duration of the paper's slower network.
 class SegmentationStage {
  public:
-  /// bad_input where nothing segments pictures.
+  /// Throws bad_input if the node has no segmenter.
   SegmentationStage(EdgeNode& node, Duration floor);
 
   std::optional<FrameMasks> run(Worker& worker, std::uint64_t frame, const wire::Bytes& jpeg,

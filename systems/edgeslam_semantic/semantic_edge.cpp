@@ -10,7 +10,7 @@
 namespace slambed::edgeslam_semantic {
 namespace {
 
-/// Keyframes that may wait for the mapper: Edge-SLAM's, as the paper says none.
+/// Keyframes that may wait for the mapper. Edge-SLAM's value, as the paper gives none.
 constexpr int kQueueLimit = 3;
 
 EdgeMapperOptions mapper_options(const Parameters& parameters) {
@@ -112,7 +112,7 @@ void SemanticEdge::on_keyframe(Worker& worker, SemanticKeyFrame message, const M
   }
   last_ = id;
   last_map_id_ = message.map_id;
-  // With a new map after another, `cleared` sets it: until then slices are of the old one.
+  // When a new map replaces an old one, `cleared` sets it: slices are of the old map until then.
   if (map_id_ == 0) map_id_ = last_map_id_.value;
   if (segmentation_ && !message.jpeg.empty())
     pictures_.put({message.map_id, id, message.delta.keyframes.back().frame_index, message.n_m,
@@ -143,7 +143,7 @@ void SemanticEdge::segment(Worker& worker) {
                      NoMaskReason::kNotSegmented);
       continue;
     }
-    // The mobile culls: it needs neither what stands still nor anybody's joints.
+    // The mobile only culls, so it needs neither static instances nor body joints.
     std::erase_if(masks->instances, [](const Instance& instance) { return !instance.moves; });
     for (Instance& instance : masks->instances) instance.body.reset();
     send(masks_, MaskMessage{.map_id = picture->map_id,
@@ -161,7 +161,7 @@ void SemanticEdge::report_no_mask(KeyFrameId map_id, KeyFrameId keyframe, Durati
        NoMaskMessage{.map_id = map_id, .keyframe = keyframe, .took = took, .reason = reason});
 }
 
-/// On the mapping side: what was known of a map that is gone goes too.
+/// Resets the mapping worker's state after the map was cleared.
 void SemanticEdge::forget_old_map() {
   if (!begun_anew_.exchange(false)) return;
   labels_.clear();
@@ -173,7 +173,7 @@ void SemanticEdge::forget_old_map() {
 RunTime SemanticEdge::idle(Worker& worker) {
   forget_old_map();
   cull_labeled(worker);
-  // A closed loop or a global bundle moves what the mobile stands on.
+  // A closed loop or a global bundle adjustment moves the mobile's local map.
   if (number_ > 0 && mapper_.loop_corrections() != sent_corrections_) send_slice(worker, times_);
   return kNever;
 }
@@ -185,8 +185,8 @@ void SemanticEdge::mapped(Worker& worker, const wire::UpdateTimes& times) {
   send_slice(worker, times);
 }
 
-/// Points on what moves go as soon as their mask is there, and again whenever mapping has made new
-/// ones.
+/// Culls points on what moves when their mask arrives, and again after each mapped keyframe,
+/// because mapping may have made new ones.
 void SemanticEdge::cull_labeled(Worker& worker) {
   while (auto mask = segmented_.try_take()) {
     if (mask->map_id.value != map_id_) continue;
@@ -195,7 +195,7 @@ void SemanticEdge::cull_labeled(Worker& worker) {
       return keyframe ? keyframe->features : nullptr;
     });
     if (!features) {
-      // Not mapped yet, or culled already: in the first case it is wanted later.
+      // The keyframe is either not mapped yet or culled. In the first case the mask is kept.
       if (mask->keyframe > mapper_.newest()) {
         segmented_.put(std::move(*mask));
         break;
@@ -213,7 +213,7 @@ void SemanticEdge::cull_labeled(Worker& worker) {
             [&](const MapView& view) { return without_labeled(view, labels_); });
       },
       [&](const MapDelta& delta) { mapper_.map()->commit(delta); });
-  // Late masks cull once; what mapping makes in the window is culled as long as it is there.
+  // Labels of keyframes outside the window cull only once; those inside are kept for later points.
   mapper_.map()->read([&](const MapView& view) {
     std::erase_if(labels_, [&](const auto& entry) {
       return entry.first < oldest_ || !view.keyframe(entry.first);

@@ -14,8 +14,8 @@
 
 namespace slambed::edgeslam_semantic {
 
-/// edgeSLAM's edge: maps keyframes and closes loops at once, segments their pictures beside that,
-/// and answers with a slice of the map and, later, with a mask.
+/// edgeSLAM's edge: maps keyframes and closes loops, segments the pictures on another worker, and
+/// answers with a slice of the map and, later, with a mask.
 class SemanticEdge final : public EdgePolicy, private ShutdownSource {
  public:
   SemanticEdge(EdgeNode& node, const Parameters& parameters);
@@ -59,28 +59,27 @@ class SemanticEdge final : public EdgePolicy, private ShutdownSource {
   Channel &control_, &frames_, &masks_, &probes_;
   EdgeMapper mapper_;
   EdgeShutdown shutdown_;
-  std::optional<SegmentationStage> segmentation_;  ///< with nrcc
+  std::optional<SegmentationStage> segmentation_;  ///< only with nrcc
   Mailbox<Picture> pictures_;
   Mailbox<Mask> segmented_;
   std::unique_ptr<Signal> received_;
   std::atomic<std::uint64_t> received_sequence_{0};
-  std::atomic<std::uint64_t> map_id_{0};  ///< of the map at hand
-  /// The map was cleared; the mapping worker has to hear of it.
+  std::atomic<std::uint64_t> map_id_{0};  ///< of the current map
+  /// The map was cleared, and the mapping worker has not handled this yet.
   std::atomic<bool> begun_anew_{false};
-  KeyFrameId last_map_id_;  ///< received; of the receiving worker
-  KeyFrameId last_;         ///< received; of the receiving worker
+  KeyFrameId last_map_id_;  ///< of the last accepted keyframe; used by the receiving worker only
+  KeyFrameId last_;         ///< last accepted keyframe; used by the receiving worker only
 
-  // Of the mapping worker.
+  // Used by the mapping worker only.
   Labels labels_;
-  MapWindow window_;   ///< as the last slice told it
-  KeyFrameId oldest_;  ///< no keyframe comes back into the window
+  MapWindow window_;   ///< as of the last slice
+  KeyFrameId oldest_;  ///< of the window; older keyframes never return to it
   std::uint64_t number_ = 0, sent_corrections_ = 0;
   wire::UpdateTimes times_;  ///< of the keyframe mapped last
 };
 
-/// A keyframe as it fits the edge's map: known points by the names they have there now, and points
-/// of the mobile's own that the edge has made meanwhile (the same feature of an earlier keyframe)
-/// by the edge's.
+/// Adapts an upload to the edge's map: fused points get their current ids. Where the edge has since
+/// made a point at the same feature of an earlier keyframe, it replaces the mobile's own point.
 MapDelta as_known_here(const MapView& view, MapDelta delta);
 
 }  // namespace slambed::edgeslam_semantic

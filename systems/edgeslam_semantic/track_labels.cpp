@@ -6,7 +6,7 @@
 namespace slambed::edgeslam_semantic {
 namespace {
 
-/// Frames between two walks over all labels.
+/// Frames between two removals of expired labels, each of which visits all labels.
 constexpr int kFramesBetweenWalks = 16;
 
 float middle(std::vector<float>& values) {
@@ -74,7 +74,7 @@ void TrackLabels::place(const FrameTracks& frame) {
         near.emplace_back(u * u + v * v, &motion);
     }
     if (near.empty()) {
-      // What an older mask's neighbors said, the newest one's do not.
+      // Without neighbors in the newest mask, a label placed by an older mask is stale.
       if (judged) judged_.erase(known);
       continue;
     }

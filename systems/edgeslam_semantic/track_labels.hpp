@@ -12,33 +12,33 @@
 namespace slambed::edgeslam_semantic {
 
 struct LabelOptions {
-  int frames = 120;   ///< that a label lasts
-  int border_px = 3;  ///< around masks
-  /// Features followed from the mask that say where a feature without a label would have been in
-  /// it; 0: labels go by matches alone.
+  int frames = 120;   ///< lifetime of a label
+  int border_px = 3;  ///< border around masks
+  /// Tracked features from inside the mask whose median motion places an unlabeled feature in the
+  /// masked frame; 0: labels spread by matches only.
   int neighbors = 3;
-  float reach_px = 50;  ///< as far off as those may be
+  float reach_px = 50;  ///< largest distance to those neighbors
 };
 
-/// A frame as tracks see it.
 struct FrameTracks {
   int number = 0;
   std::shared_ptr<const FeatureSet> features;
   std::vector<FeatureTrackId> tracks;  ///< per feature
 };
 
-/// Which tracks lie on something that moves. A mask says it of the features of its own frame. Of a
-/// feature that began later its neighbors say how they have moved since then, and the mask whether
-/// the place that it would have had is covered.
+/// Labels tracks that lie on something that moves. A mask labels the features of its own frame. A
+/// later feature is first moved back by its neighbors' motion since that frame; its label is then
+/// whether the mask covers that place.
 class TrackLabels {
  public:
   explicit TrackLabels(LabelOptions options) : options_(options) {}
 
-  /// The mask of a frame. Newer masks win over older ones.
+  /// Labels a frame's features by its mask. Newer masks override older ones.
   void judge(const FrameTracks& frame, const FrameMasks& masks);
-  /// Labels what the newest mask has not judged yet in this frame, which is not older than that.
+  /// Labels features of this frame that the newest mask has not labeled yet. The frame must not be
+  /// older than that mask.
   void place(const FrameTracks& frame);
-  /// Forgets what has ended before this frame.
+  /// Forgets labels that have expired by this frame.
   void forget(int frame);
 
   bool moves(FeatureTrackId track, int frame) const;
@@ -49,11 +49,11 @@ class TrackLabels {
   struct Judgment {
     int mask_frame = 0;
     bool moves = false;
-    bool inside = false;   ///< not only nearer than the border: its motion is that of the instance
-    bool by_mask = false;  ///< of its own frame
-    float u = 0, v = 0;    ///< where it was, or would have been, in the mask's frame
+    bool inside = false;   ///< in the mask itself, not only its border: moves with the instance
+    bool by_mask = false;  ///< labeled by the mask of its own frame
+    float u = 0, v = 0;    ///< measured or estimated position in the mask's frame
   };
-  /// A feature inside a mask: where it is, and how far from where it was in the mask's frame.
+  /// A feature that was inside the mask: its position now, and its motion since the mask's frame.
   struct TrackMotion {
     float u, v, du, dv;
   };
@@ -61,8 +61,9 @@ class TrackLabels {
   Judgment judgment(const MovingArea& area, const Camera& camera, float u, float v) const;
 
   LabelOptions options_;
-  std::unordered_map<FeatureTrackId, Judgment> judged_;  ///< looked up only, never walked in order
-  MovingArea area_;                                      ///< of the newest mask
+  /// Unordered, so its order of iteration must not affect results.
+  std::unordered_map<FeatureTrackId, Judgment> judged_;
+  MovingArea area_;  ///< of the newest mask
   int newest_ = 0, forgotten_ = 0;
 };
 

@@ -66,7 +66,7 @@ void TrackingService::answer(Worker& worker, const Message& message) {
   } catch (const wire::DecodeError& error) {
     refuse(node_.log(), message, error);
     if (!sensor) return;
-    // The mobile waits for an answer: this frame has no pose.
+    // The mobile waits for an answer, so it gets one without a pose.
     result.masks = {sensor->camera.width, sensor->camera.height, {}};
     result.state = wire::FrameState::kLost;
   }

@@ -17,13 +17,13 @@ namespace slambed {
 struct TrackingServiceOptions {
   TrackerOptions tracker;
   bool loop_closing;
-  std::optional<PictureMasksOptions> masks;  ///< none: nothing is segmented
+  std::optional<PictureMasksOptions> masks;  ///< nothing: pictures are not segmented
 };
 
-/// Full offload, the edge's side: decodes, extracts, tracks and maps one picture after the other,
-/// and answers each with its pose. Mapping and loops are done before the answer, as the sum of the
-/// paper's equation 1 has them; a segmentation runs beside decoding and extraction, and tracking
-/// sees no feature that lies on what moves.
+/// The edge's side of full offload: decodes, extracts, tracks and maps one picture after the other,
+/// and answers each with its pose. Mapping and loop closing finish before the answer, as in the sum
+/// of the paper's equation 1. Segmentation runs in parallel with extraction, and tracking gets no
+/// features on what moves.
 class TrackingService final : public ShutdownSource, private TrackingPolicy {
  public:
   TrackingService(EdgeNode& node, Channel& frames, TrackingServiceOptions options);
@@ -55,8 +55,8 @@ class TrackingService final : public ShutdownSource, private TrackingPolicy {
   OnboardMapping mapping_;
   std::optional<PictureMasks> masks_;
   std::unique_ptr<FrameTracking>
-      tracking_;                         ///< from the first picture on: the camera is known then
-  wire::FrameResult* result_ = nullptr;  ///< of the picture at hand
+      tracking_;                         ///< made at the first picture, when the camera is known
+  wire::FrameResult* result_ = nullptr;  ///< of the current picture
   RunTime tracking_began_{};
   std::unique_ptr<Signal> progressed_;
   std::atomic<std::uint64_t> answered_{0};

@@ -10,9 +10,9 @@ namespace slambed::edgeslam_semantic {
 namespace {
 
 constexpr std::size_t kProbeBytes = 64;
-/// Uploads that a refusal may still be about.
+/// Newest uploads that keyframe_of() can still find.
 constexpr std::size_t kNumbersKept = 64;
-/// The run is over; what still is not sent by then is left behind.
+/// How long the end of a run waits for unsent uploads before it drops them.
 constexpr Duration kDrainPatience = std::chrono::seconds(5);
 
 }  // namespace
@@ -67,7 +67,7 @@ void Uploads::send(Worker& worker) {
         .add("bytes", size);
     if (delay) event.add_ms("n_ms", *delay);
     if (const auto rate = delay_.bytes_per_s()) event.add("b_mbit_s", 8e-6 * *rate);
-    // Told and noted before it goes: its answer may be here before the channel has told its number.
+    // Logged and noted before it is sent: its answer may arrive before send() returns its number.
     node_.log().write(event);
     delay_.going(size, worker.now());
     const std::uint64_t sequence =

@@ -15,8 +15,7 @@
 
 namespace slambed::edgeslam_semantic {
 
-/// Keyframes on their way up, on a worker of its own, and what the link is like: probes on another
-/// one.
+/// Uploads keyframes on one worker and measures the link with probes on another.
 class Uploads {
  public:
   struct Options {
@@ -24,7 +23,7 @@ class Uploads {
     bool one_way;  ///< see LinkDelay
     double probe_period_s;
   };
-  /// What is told of a keyframe when it goes.
+  /// What the log says about a keyframe when it is sent.
   struct Note {
     std::string_view reason;
     int row = 0, levels = 0;
@@ -33,14 +32,15 @@ class Uploads {
   Uploads(MobileNode& node, Channel& frames, Channel& probes, Options options);
 
   void start();
-  /// From the tracking worker, which does not wait.
+  /// Queues an upload without blocking.
   void put(SemanticKeyFrame message, Note note);
-  /// The edge has told that an upload came.
+  /// Notes the edge's acknowledgment of an upload.
   void acknowledged(const wire::AckMessage& ack, RunTime when);
-  /// Which keyframe went up under this number, where it is one of the newest.
+  /// Returns the keyframe uploaded under this sequence number, or nothing if it is not among the
+  /// newest.
   std::optional<KeyFrameId> keyframe_of(std::uint64_t sequence) const;
   std::optional<Duration> delay() const { return delay_.delay(); }
-  /// Waits until all that was put is handed to the channel.
+  /// Waits until the channel has got all queued uploads, at most 5 s.
   void drain(Worker& worker);
   std::uint64_t last_sequence() const { return last_sequence_; }
 
@@ -60,7 +60,7 @@ class Uploads {
   Mailbox<Item> queue_;
   std::unique_ptr<Signal> gone_;
   mutable std::mutex numbers_mutex_;
-  std::deque<std::pair<std::uint64_t, KeyFrameId>> numbers_;  ///< of the newest uploads
+  std::deque<std::pair<std::uint64_t, KeyFrameId>> numbers_;  ///< the newest uploads
   std::atomic<std::uint64_t> put_{0}, sent_{0}, last_sequence_{0};
 };
 

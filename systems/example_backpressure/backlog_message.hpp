@@ -6,10 +6,10 @@
 
 namespace slambed::example_backpressure {
 
-/// This system's own messages; the first number that is free to it.
+/// This system's own messages, from the first free number.
 inline constexpr wire::MessageRange kMessages(128, {"BACKLOG"});
 
-/// BACKLOG, edge -> mobile: how many keyframes it has not mapped yet. Sent when that changes.
+/// BACKLOG, edge -> mobile: how many keyframes the edge has not mapped yet. Sent on changes.
 struct BacklogMessage {
   static constexpr wire::MessageType kType = kMessages["BACKLOG"];
   std::uint32_t keyframes = 0;

@@ -74,7 +74,7 @@ class BackpressureMobile final : public MobilePolicy {
   Inbox inbox_;
   std::uint64_t limit_bytes_;
   int limit_keyframes_;
-  int waiting_ = 0;  ///< keyframes that the edge has not mapped yet, as it last said
+  int waiting_ = 0;  ///< keyframes that the edge has not mapped yet, as last reported
 };
 
 class BackpressureEdge final : public EdgePolicy {
@@ -91,9 +91,9 @@ class BackpressureEdge final : public EdgePolicy {
   std::shared_ptr<const Map> map() const override { return offload_.map(); }
 
  private:
-  /// A stage of this system's own: system.yaml says what it costs (`stages`).
+  /// Runs in this system's own stage; system.yaml says what it costs (`stages`).
   void report(Worker& worker) {
-    // A new edge reports 0 too: what the mobile holds may be of the one before.
+    // A new edge also reports 0: the mobile may still have the previous edge's number.
     for (std::optional<std::uint32_t> sent; !worker.stopping();
          worker.sleep_until(worker.now() + kLookEvery)) {
       const MapperStatus mapper = offload_.mapping().mapper().status();

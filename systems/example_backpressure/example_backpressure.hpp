@@ -5,8 +5,8 @@
 
 namespace slambed {
 
-/// The smallest system worth writing: Edge-SLAM that makes no keyframe while link or mapper are
-/// still busy with earlier ones. docs/systems.md walks through it.
+/// The smallest system worth writing: Edge-SLAM that makes no keyframe while the link or the mapper
+/// is busy with earlier ones. docs/how-to/write-a-system-in-cpp.md walks through it.
 System example_backpressure_system();
 
 }  // namespace slambed

@@ -16,7 +16,7 @@ struct Made {
   std::vector<Covisible> connected;  ///< most shared points first
 };
 
-/// Whether a keyframe counts as an observation of all points that it lists.
+/// Returns whether the keyframe counts as an observation of all points that it lists.
 bool observes_all(const MapView& view, const KeyFrame& keyframe) {
   return std::all_of(keyframe.points.begin(), keyframe.points.end(), [&](MapPointId id) {
     if (!id) return true;
@@ -90,7 +90,7 @@ MapDelta carry_over(const Map& from, const Map& to, KeyFrameId id, SharedKeyFram
     const MapPointId old = point;
     if (there[i]) point = there[i];
     if (!seen.insert(point).second) {
-      point = {};  // two of its points are one over there
+      point = {};  // two of its points were fused in `to`
     } else if (!there[i]) {
       lacking.insert(old);
     }

@@ -7,8 +7,8 @@
 
 namespace slambed {
 
-/// How the world moved between two maps that share keyframes: one transformation per shared
-/// keyframe. What an update brings where it corrects the map is not one movement of all.
+/// How the world moved between two maps that share keyframes, as one transformation for each of
+/// them. An update that corrects the map does not move all of it alike.
 class SharedKeyFrames {
  public:
   SharedKeyFrames() = default;
@@ -16,7 +16,7 @@ class SharedKeyFrames {
 
   /// Maps old world coordinates to new ones, as seen from the keyframe; null: not in both maps.
   const SE3* movement(KeyFrameId keyframe) const;
-  /// As seen from the newest keyframe of both; identity: they share none.
+  /// The movement at the newest shared keyframe; identity if there is none.
   const SE3& newest() const { return newest_; }
   void add(KeyFrameId keyframe, const SE3& movement) { movements_[keyframe] = movement; }
 
@@ -25,10 +25,10 @@ class SharedKeyFrames {
   SE3 newest_;
 };
 
-/// A keyframe of one map as it belongs into the other, with all points it sees that the other one
-/// lacks: moved as the shared keyframe that sees most of the same points, points that were fused
-/// over there named by their survivor. Empty when it is gone here or known there. Notes its own
-/// movement.
+/// Adapts a keyframe of `from` to the map `to`, with all points it sees that `to` lacks. It moves
+/// as the shared keyframe does that sees the most of the same points; points fused in `to` are
+/// replaced by their survivor. Returns an empty delta if the keyframe is gone in `from` or already
+/// in `to`. Adds its movement to `shared`.
 MapDelta carry_over(const Map& from, const Map& to, KeyFrameId keyframe, SharedKeyFrames& shared);
 
 }  // namespace slambed

@@ -31,7 +31,7 @@ void MapStaging::cancel() {
 }
 
 void MapStaging::insert(const MapDelta& update, KeyFrameId newest) {
-  if (staging_->revision() > 0) staging_->clear();  // of an update that was given up
+  if (staging_->revision() > 0) staging_->clear();  // of an abandoned update
   staging_->commit(update);
   shared_ = {};
   carried_.clear();
@@ -49,7 +49,7 @@ void MapStaging::insert(const MapDelta& update, KeyFrameId newest) {
 }
 
 void MapStaging::put_first(std::vector<BackedKeyFrame> keyframes) {
-  // Those made since the begin wait already, and are the newest.
+  // Keyframes made since begin() wait already and are the newest.
   std::erase_if(keyframes, [&](const BackedKeyFrame& backed) {
     return std::any_of(backlog_.begin(), backlog_.end(), [&](const BackedKeyFrame& waiting) {
       return waiting.keyframe == backed.keyframe;

@@ -11,69 +11,67 @@
 
 namespace slambed {
 
-/// Two maps of a mobile: the active one, which tracking works on, and the staging one, in which a
-/// worker puts an update together while tracking goes on. Keyframes made meanwhile are backed up
-/// and carried over, so that none is missing after the swap. A plain module: one worker and
-/// tracking call it, each its own part.
+/// Holds a mobile's two maps: tracking works on the active one while a worker builds an update in
+/// the staging one. Keyframes made meanwhile are backed up and carried over, so that none is
+/// missing after the swap. The worker and tracking each call only their own functions.
 class MapStaging {
  public:
   enum class Backup {
     kNone,       ///< nothing is carried over
-    kUpdate,     ///< what is made from the update's begin on
-    kUncovered,  ///< also what was made before and the update does not cover
+    kUpdate,     ///< keyframes made since the update began
+    kUncovered,  ///< also earlier keyframes that the update does not cover
   };
   /// recovery_keyframes: see RecoveryBackup.
   MapStaging(std::shared_ptr<Map> active, Backup backup, int recovery_keyframes = 0);
 
-  // The worker's. It may begin when idle, and prepare until it says ready.
+  // For the worker. It may begin when idle, and prepare until set_ready().
   bool idle() const;
-  /// Keyframes are backed up from now on.
+  /// Starts backing up keyframes.
   void begin();
-  /// Gives the update up, or what was made of it: it never was.
+  /// Abandons the update and what was built of it.
   void cancel();
   /// Puts the update into the empty staging map.
   void insert(const MapDelta& update, KeyFrameId newest);
-  /// Which keyframes both maps have, and how they moved.
+  /// Determines which keyframes both maps have, and how they moved.
   void relate();
-  /// Carries over what is backed up so far; returns how many keyframes went into staging.
-  /// Tracking's once ready.
+  /// Carries over all backed-up keyframes and returns how many staging received. After set_ready(),
+  /// only tracking may call it.
   std::size_t drain();
   std::size_t waiting() const;
-  /// Tracking may swap; the staging map is its own now.
+  /// Hands the staging map to tracking, which may swap the maps.
   void set_ready();
 
-  // Tracking's.
+  // For tracking.
   bool ready() const;
   void keyframe_created(KeyFrameId keyframe, bool provisional);
-  /// The camera was found at this keyframe, which is to be carried over, whatever the backup is.
+  /// The camera was relocalized at this keyframe, which is carried over with every kind of backup.
   void recovered(KeyFrameId reference);
   const std::shared_ptr<Map>& active() const { return active_; }
   const std::shared_ptr<Map>& staging() const { return staging_; }
-  /// Of what was carried over: keyframes that the edge may still decline, ascending.
+  /// Carried-over keyframes that the edge may still decline, ascending.
   std::vector<KeyFrameId> provisional() const;
   std::size_t carried() const { return carried_.size(); }
-  /// Staging becomes active; what was active is the next staging map and still has its content.
+  /// Swaps the maps. The staging map then still has the content of the old active one.
   void swap();
-  /// Empties the staging map.
   void clean() { staging_->clear(); }
-  /// The next update may begin.
+  /// Lets the next update begin.
   void release();
 
  private:
   enum class Phase { kIdle, kUpdating, kReady };
-  /// Carries these over before what waits already.
+  /// Puts these in front of the keyframes that wait already.
   void put_first(std::vector<BackedKeyFrame> keyframes);
 
   Backup backup_;
   std::shared_ptr<Map> active_, staging_;
   std::vector<KeyFrameId> updated_;      ///< the update's own keyframes
-  SharedKeyFrames shared_;               ///< the preparing side's
-  std::vector<BackedKeyFrame> carried_;  ///< the same; in order
+  SharedKeyFrames shared_;               ///< used by the side that prepares
+  std::vector<BackedKeyFrame> carried_;  ///< likewise; in order
 
   mutable std::mutex mutex_;  ///< guards what follows
   Phase phase_ = Phase::kIdle;
   std::deque<BackedKeyFrame> backlog_;
-  std::vector<KeyFrameId> provisional_;  ///< of the active map's own keyframes
+  std::vector<KeyFrameId> provisional_;  ///< of the active map
   RecoveryBackup recovery_;
 };
 

@@ -23,7 +23,7 @@ bool keeps_recovery(const Parameters& parameters) {
 }
 
 void check_prior_map(const Parameters& parameters) {
-  // RELOC_OK has one keyframe, from which the mobile could not tell which ids the map has taken.
+  // RELOC_OK carries one keyframe, which does not tell the mobile which ids the map already uses.
   if (!parameters.text("prior_map").empty() && relocalizes_on_edge(parameters))
     throw bad_input(
         "params: prior_map needs relocalization: map, by which the mobile begins in it");

@@ -5,8 +5,8 @@
 
 namespace slambed {
 
-/// Multithread, Relocate and Multithread-RL: conventional Edge-SLAM whose updates may be put
-/// together beside tracking, and whose lost frames may be found by the edge. The variants of
+/// Multithread, Relocate and Multithread-RL: conventional Edge-SLAM in which updates may be
+/// prepared in parallel to tracking, and the edge may relocalize lost frames. The variants of
 /// system.yaml differ in parameters only.
 System multithread_rl_system();
 

@@ -147,8 +147,8 @@ void MobileRelocalizationByPose::record(Worker& worker, const Answer& answer,
       .add("bytes", answer.bytes);
   if (!dropped.empty()) event.add("reason", dropped);
   if (ours) {
-    // The channel here tells what is local, the messages and the edge tell the rest: together the
-    // parts are the whole only where all of them speak of one request.
+    // Local timestamps give the local parts and the messages the others. They add up to the total
+    // only if all belong to the same request.
     const Duration request = answer.sent - outstanding_->asked, up = times.received - times.queued,
                    at_edge = answer.raw.queued - times.received,
                    down = answer.raw.received - answer.raw.queued,

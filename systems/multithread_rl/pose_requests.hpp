@@ -14,9 +14,9 @@
 
 namespace slambed {
 
-/// The mobile's side of relocalization on the edge: a lost frame goes up before the local attempt
-/// at it, at most one at a time; what comes back takes effect between two frames. From loss to
-/// recovery the edge sends no updates, and none is applied.
+/// The mobile's side of relocalization on the edge. A lost frame is sent before the local
+/// relocalization attempt, at most one at a time; the answer takes effect between two frames. From
+/// loss to recovery the edge sends no updates, and none is applied.
 class MobileRelocalizationByPose final : public MobileRelocalization {
  public:
   MobileRelocalizationByPose(MobileNode& node, Channel& frames, Channel& control,
@@ -26,12 +26,12 @@ class MobileRelocalizationByPose final : public MobileRelocalization {
   void before_frame(Worker& worker) override;
   void before_tracking(Worker& worker, const OfferedFrame& frame,
                        const std::shared_ptr<const FeatureSet>& features) override;
-  /// Whether a loss begins or ends with this frame.
+  /// Suspends or resumes updates if a loss begins or ends with this frame.
   void after_frame(Worker& worker, const TrackedFrame& frame) override;
   void finish() override;
 
  private:
-  /// A frame on its way to the edge.
+  /// A lost frame that the edge is asked to locate.
   struct Request {
     wire::RelocRequest message;
     RunTime asked{};
@@ -39,11 +39,11 @@ class MobileRelocalizationByPose final : public MobileRelocalization {
     std::uint64_t loss = 0;
   };
   struct Answer {
-    Message raw;                    ///< without its payload
-    RunTime sent{};                 ///< the last request before it, by the clock here
-    std::size_t request_bytes = 0;  ///< of that one
+    Message raw;     ///< its payload is freed once parsed
+    RunTime sent{};  ///< when the last request before it was sent, by the mobile's clock
+    std::size_t request_bytes = 0;  ///< size of that request
     std::size_t bytes = 0;
-    std::shared_ptr<const wire::RelocOk> found;  ///< null: it was not
+    std::shared_ptr<const wire::RelocOk> found;  ///< null: the frame was not found
     wire::RelocFail failed;
   };
 
@@ -51,9 +51,9 @@ class MobileRelocalizationByPose final : public MobileRelocalization {
   void serialize(Worker& worker, const Request& request);
   void parse(Worker& worker, Message message);
   void on_answer(Worker& worker, const Answer& answer);
-  /// Whether it answers the request under way; else why not.
+  /// Returns why the answer does not belong to the outstanding request; empty if it does.
   std::string_view unwanted(const Answer& answer, std::uint64_t number) const;
-  /// Why it is dropped; nothing: tracking goes on from it.
+  /// Returns why the found pose is dropped; empty: tracking continues from it.
   std::string_view use(const Answer& answer, const wire::RelocOk& found);
   void record(Worker& worker, const Answer& answer, const wire::RelocTimes& times, bool ours,
               std::string_view dropped);
@@ -67,15 +67,15 @@ class MobileRelocalizationByPose final : public MobileRelocalization {
   MessageCodec codec_;
   Mailbox<Request> requests_;   ///< to be serialized
   Mailbox<Answer> answers_;     ///< parsed
-  RunTime sent_{};              ///< the worker's: when the last request was put into the channel
-  std::size_t sent_bytes_ = 0;  ///< the same
+  RunTime sent_{};              ///< worker only: when the last request was sent
+  std::size_t sent_bytes_ = 0;  ///< worker only: its size
 
-  // The tracking worker's.
+  // Used by the tracking worker only.
   std::optional<Request> outstanding_;
   std::uint64_t requests_made_ = 0;
   std::uint64_t losses_ = 0;
   bool lost_ = false;
-  bool found_ = false;  ///< the next frame is tracked from what the edge has found
+  bool found_ = false;  ///< the next frame is tracked from the edge's pose
 };
 
 }  // namespace slambed

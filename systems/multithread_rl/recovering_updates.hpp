@@ -6,8 +6,8 @@
 
 namespace slambed {
 
-/// Serial updates of a mobile whose lost frames the edge finds: none is applied while the edge is
-/// asked, and the first ones after a recovery keep the place where the camera was found.
+/// Serial updates of a mobile that the edge relocalizes. None is applied during a loss, and the
+/// first ones after a recovery keep the place where the camera was found.
 class RecoveringUpdates final : public SerialUpdates {
  public:
   /// recovery_keyframes: see RecoveryBackup.
@@ -28,10 +28,10 @@ class RecoveringUpdates final : public SerialUpdates {
     RunTime when{};
     KeyFrameId reference;
   };
-  /// It was sent before the camera was found again, and shows another place.
+  /// Declines an update that was sent before the recovery and shows another place.
   std::optional<std::string_view> additional_decline_reason(
       const UpdateArrival& arrival) const override;
-  /// Carries over what the update does not hold of the place where the camera was found.
+  /// Carries over keyframes of the recovery's place that the update lacks.
   Carried carry_over(Worker& worker, const UpdateArrival& arrival) override;
   void applied(const UpdateArrival& arrival) override;
 

@@ -11,7 +11,7 @@
 namespace slambed {
 namespace {
 
-/// The keyframe that sees most of these points, of several the newest; none: nobody sees any.
+/// Returns the keyframe that sees the most of these points, the newest of several, or none.
 KeyFrameId reference_of(const MapView& view, std::span<const MapPointId> points) {
   std::map<KeyFrameId, int> votes;
   for (const MapPointId id : points) {
@@ -107,7 +107,7 @@ bool EdgeRelocalizationByPose::locate(Worker& worker, Frame& frame) {
   });
 }
 
-/// In the map as it is now: some of the points may be others, or gone, since the frame was found.
+/// Builds the answer from the current map: points may have been fused or culled meanwhile.
 std::optional<wire::RelocOk> EdgeRelocalizationByPose::answer_for(
     const wire::RelocRequest& request, const Frame& frame, std::uint64_t corrections_before) {
   wire::RelocOk answer;
@@ -115,7 +115,7 @@ std::optional<wire::RelocOk> EdgeRelocalizationByPose::answer_for(
   answer.T_cw = frame.T_cw;
   const bool whole = mapper_.read_for_update(request.applied_update, [&](std::uint64_t number,
                                                                          bool corrected) {
-    // The pose is of another world.
+    // A loop correction came in between, so the pose is outdated.
     if (mapper_.loop_corrections() != corrections_before) return false;
     answer.update = number;
     answer.jumped = corrected;

@@ -15,18 +15,17 @@ namespace slambed {
 // NOLINTNEXTLINE(cppcoreguidelines-pro-type-member-init): -Werror refuses one left out
 struct PoseRelocalizationOptions {
   MessageCodec codec;
-  std::uint64_t fail_bytes;  ///< size of a RELOC_FAIL, at least; as text
+  std::uint64_t fail_bytes;  ///< least size of a RELOC_FAIL with the text codec
 };
 
-/// The edge's side of relocalization on the edge: looks for lost frames in the global map and says
-/// where they were taken, with the keyframe to go on from. The mobile has at most one request under
-/// way.
+/// The edge's side of relocalization on the edge: locates lost frames in the global map and answers
+/// with the pose and the keyframe to continue from. The mobile has at most one outstanding request.
 class EdgeRelocalizationByPose final : public EdgeRelocalization {
  public:
   EdgeRelocalizationByPose(EdgeNode& node, Channel& frames, Channel& maps, EdgeMapper& mapper,
                            UpdateSender& updates, PoseRelocalizationOptions options);
   void start() override;
-  /// SUSPEND and RESUME.
+  /// Handles SUSPEND and RESUME.
   void listen(const Message& message) override { inbox_.dispatch(message); }
 
  private:
@@ -44,7 +43,7 @@ class EdgeRelocalizationByPose final : public EdgeRelocalization {
   PoseRelocalizationOptions options_;
   Inbox inbox_;
 
-  // The worker's.
+  // Used by the worker only.
   Relocalizer relocalizer_;
   FrameSearch search_;
 };

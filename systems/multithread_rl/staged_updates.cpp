@@ -6,7 +6,7 @@
 namespace slambed {
 namespace {
 
-/// In which keyframes made during an update are carried over before tracking does the rest.
+/// Most rounds in which the worker carries over keyframes made meanwhile; tracking does the rest.
 constexpr int kRounds = 8;
 
 }  // namespace
@@ -26,7 +26,7 @@ void StagedUpdates::start() {
 void StagedUpdates::work(Worker& worker) {
   while (!worker.stopping()) {
     const auto ticket = receiver_.signal().ticket();
-    // While one is worked in, the newest of the others waits in the channel.
+    // While one is prepared, the newest of the others waits in the channel.
     auto message = staging_.idle() && !suspended_ ? receiver_.take() : std::nullopt;
     if (message) {
       prepare(worker, std::move(*message));
@@ -77,8 +77,8 @@ void StagedUpdates::recovered(RunTime when, KeyFrameId reference) {
 }
 
 void StagedUpdates::catch_up(Worker& worker) {
-  // Where keyframes are made faster than they are carried over this would never end, and the map
-  // would grow old meanwhile. Then what a round left behind waits for the swap.
+  // If keyframes were made faster than they are carried over, this would not end, and the map would
+  // get outdated. What the rounds leave is carried over at the swap.
   const std::size_t first = staging_.waiting();
   for (int round = 0; round < kRounds && !worker.stopping(); ++round) {
     const std::size_t waiting = staging_.waiting();
@@ -101,8 +101,8 @@ void StagedUpdates::before_frame(Worker& worker) {
   }
   auto arrival = prepared_.try_take();
   if (!arrival) return;
-  // It was welcome when it began. The camera may have found itself again since then, a new edge or
-  // epoch may have come.
+  // It passed the rules when preparation began. Since then the camera may have been relocalized, or
+  // a new edge or epoch may have begun.
   const bool anew = arrival->relocalization() || std::exchange(waited_, false);
   const auto reason = anew ? check_.update_decline_reason(worker, *arrival)
                            : check_.obsolete_reason(worker, *arrival);

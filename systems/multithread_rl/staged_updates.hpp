@@ -9,10 +9,9 @@
 
 namespace slambed {
 
-/// Multithread's way: a worker judges, reads and puts the update together in a staging map, with
-/// the keyframes that were made meanwhile; between two frames tracking carries its last frame over,
-/// swaps the two maps and empties the former one. One update at a time; of those that wait the
-/// newest stays.
+/// Updates as in Multithread: a worker parses an update, checks it and builds it in a staging map,
+/// with the keyframes made meanwhile. Between two frames, tracking carries over its last frame,
+/// swaps the maps and clears the old one. Of the updates that wait only the newest is kept.
 class StagedUpdates final : public UpdateApplier {
  public:
   StagedUpdates(MobileNode& node, UpdateReceiver& receiver, UpdateCheck& check,
@@ -23,7 +22,7 @@ class StagedUpdates final : public UpdateApplier {
     staging_.keyframe_created(keyframe, provisional);
   }
   void suspend(bool suspended) override;
-  /// What waits is swapped in with the keyframe at which the camera was found.
+  /// Swaps a prepared update in together with the keyframe at which the camera was relocalized.
   void recovered(RunTime when, KeyFrameId reference) override;
 
  private:
@@ -35,10 +34,10 @@ class StagedUpdates final : public UpdateApplier {
 
   bool keeps_recovery_;
   MapStaging staging_;
-  Mailbox<UpdateArrival> prepared_;     ///< what the staging map holds once it is ready
+  Mailbox<UpdateArrival> prepared_;     ///< the update in the staging map, once ready
   std::atomic<bool> suspended_{false};  ///< set by tracking
-  bool waited_ = false;                 ///< tracking's: what is prepared has waited for a recovery
-  Mailbox<UpdateArrival> declined_;     ///< at their begin; they may tell poses
+  bool waited_ = false;  ///< tracking only: the prepared update has waited for a recovery
+  Mailbox<UpdateArrival> declined_;  ///< declined before preparation; their poses may still be new
 };
 
 }  // namespace slambed

@@ -27,7 +27,7 @@ class OrbSlam2Policy final : public MobilePolicy {
     return features;
   }
   void after_frame(Worker& worker, const TrackedFrame& frame) override {
-    const bool resets = frame.outcome.reset_now;  // then it waits for mapping, which may wait here
+    const bool resets = frame.outcome.reset_now;  // waits for mapping, which may need the lock
     if (lock_ && resets) lock_->release();
     mapping_.after_frame(worker, node_.tracking(), frame);
     if (lock_ && !resets) lock_->release();
@@ -37,7 +37,7 @@ class OrbSlam2Policy final : public MobilePolicy {
   MapCounts counts() const override { return count(*node_.tracker().map()); }
 
  private:
-  /// Where each keyframe is mapped between two frames nobody has to wait.
+  /// Returns null without contention: if it is off, or if mapping runs between two frames.
   static std::unique_ptr<MapLock> made_lock(MobileNode& node, const Parameters& parameters) {
     if (!parameters.boolean("contention") || parameters.boolean("sequential")) return nullptr;
     return std::make_unique<MapLock>(node.runtime(), node.log());

@@ -11,8 +11,8 @@ namespace {
 
 constexpr double kStep_s = 0.02;
 constexpr double kBefore_s = 1;
-constexpr int kPerSegment = 64;  ///< pieces of a track's segment that lengths are summed over
-/// Two steps, as a share of the height.
+constexpr int kPerSegment = 64;  ///< chords per spline segment for measuring its length
+/// Length of two steps as a share of the body height.
 constexpr double kStride = 0.78;
 enum Gesture { kLean, kTwist, kHeadYaw, kHeadPitch, kSway, kArms, kGestures = kArms + 6 };
 
@@ -102,12 +102,12 @@ double Actor::gesture(int number, double time_s) const {
 }
 
 void Actor::walk(const Step& step, Stance& stance) const {
-  // Short steps when slow.
+  // Slow walkers take shorter steps.
   const double reach = std::sqrt(std::clamp(step.pace, 0.0, 1.0));
   for (int side = 0; side < 2; ++side) {
     const double phase = step.walked_m / (kStride * build_.height_m) + 0.5 * side;
     const SinCos gait = sincos_turns(phase);
-    const double lifted = std::max(0.0, gait.cos);  // the leg that goes ahead
+    const double lifted = std::max(0.0, gait.cos);  // the leg that swings forward
     stance.legs[side].swing_deg = reach * (24 * gait.sin + 12 * lifted * lifted);
     stance.legs[side].bend_deg = reach * (6 + 46 * lifted * lifted);
     stance.arms[side].swing_deg = -reach * 22 * gait.sin;

@@ -10,30 +10,30 @@
 
 namespace slambed::synth {
 
-/// Where a figure is on its way at one moment.
+/// State of a walking figure at one moment.
 struct Step {
   Vec3 place = Vec3::Zero(), ahead = Vec3::UnitX();
   double walked_m = 0;
-  double pace = 0;  ///< 1: at its usual speed, 0: standing
+  double pace = 0;  ///< share of the usual speed; 0: standing
 };
 
-/// A closed smooth walk on the floor, at a speed that a function of place may slow down.
+/// A smooth closed walk on the floor. A function of place and time may slow it down.
 class Track {
  public:
   using Pace = std::function<double(const Vec3& place, double time_s)>;
 
-  /// Control points of a uniform cubic B-spline, at least 4; start: share of the round done at time
-  /// 0.
+  /// control: at least 4 control points of a uniform cubic B-spline. start: position at time 0, as
+  /// a share of the round.
   Track(std::span<const Vec3> control, double speed_m_s, double start, double duration_s,
         const Pace& pace);
   Step at(double time_s) const;
 
  private:
-  std::vector<Step> steps_;  ///< every kStep_s, from a second before the beginning
+  std::vector<Step> steps_;  ///< every kStep_s, from one second before time 0
 };
 
 /// A person who walks along a track, or stands or sits at one place. Arms, head and back move with
-/// the gait and with gestures that hang on the seed.
+/// the gait and with gestures that depend on the seed.
 class Actor {
  public:
   static Actor walking(Build build, Track track, std::uint64_t seed);
@@ -44,19 +44,19 @@ class Actor {
   Stance stance(double time_s) const;
   PartPoses parts(double time_s) const { return place_parts(build_, stance(time_s)); }
   bool sits() const { return sits_; }
-  /// Below the hips of one who sits.
+  /// Height of the seat of a sitting person.
   double seat_m() const { return build_.shin_m() + build_.ankle_m() - 0.045 * build_.height_m; }
 
  private:
   Actor(Build build, std::uint64_t seed);
-  /// Slow, about -1 to 1; every number is a movement of its own.
+  /// Returns a slow oscillation between about -1 and 1; every `number` has its own.
   double gesture(int number, double time_s) const;
   void walk(const Step& step, Stance& stance) const;
   void gesticulate(double share, double time_s, Stance& stance) const;
 
   Build build_;
-  std::vector<Track> track_;  ///< one, or none
-  Step rest_;                 ///< without a track
+  std::vector<Track> track_;  ///< at most one
+  Step rest_;                 ///< used without a track
   bool sits_ = false;
   std::vector<double> phases_, hertz_;
 };

@@ -9,10 +9,10 @@
 namespace slambed::synth {
 namespace {
 
-/// The light changes over so long around the start line.
+/// Duration of the transition of light and noise around the start line.
 constexpr double kChange_s = 6;
 
-/// 0 in the first lap, 1 in the second.
+/// Returns 0 in the first lap and 1 in the second, with a smooth transition.
 double in_second_lap(const LapChange& laps, double time_s) {
   const double x = std::clamp((time_s - laps.second_lap_s) / kChange_s + 0.5, 0.0, 1.0);
   return x * x * (3 - 2 * x);
@@ -23,7 +23,7 @@ double in_second_lap(const LapChange& laps, double time_s) {
 Camera true_camera(Camera believed, const CameraFlaws& flaws) {
   believed.fx /= 1 + flaws.focal_error;
   believed.fy /= 1 + flaws.focal_error;
-  believed.bf /= 1 + flaws.focal_error;  // the baseline is measured rightly
+  believed.bf /= 1 + flaws.focal_error;  // the calibrated baseline has no error
   return believed;
 }
 

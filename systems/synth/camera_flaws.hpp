@@ -10,36 +10,37 @@
 
 namespace slambed::synth {
 
-/// What real cameras on a car have and an ideal one does not. All 0: an ideal one.
+/// Flaws of real cameras on a car. With all values 0 the camera is ideal.
 struct CameraFlaws {
   double focal_error = 0;    ///< the calibration's focal length is the true one times 1 + this
-  double distortion = 0;     ///< left over after undistortion: a ray's slope times 1 + this r^2
-  double right_yaw_deg = 0;  ///< the right camera is turned against the left one
+  double distortion = 0;     ///< residual after undistortion: a ray's slope times 1 + this r^2
+  double right_yaw_deg = 0;  ///< rotation of the right camera against the left one
   double right_pitch_deg = 0;
   double right_roll_deg = 0;
   double readout_s = 0;        ///< rolling shutter: from the first row to the last
-  double exposure_wander = 0;  ///< share by which brightness wanders
+  double exposure_wander = 0;  ///< relative amplitude of the brightness drift
 };
 
-/// What differs between the laps of a drive besides the drive itself.
+/// Changes of light and noise from the first lap of a drive to the second.
 struct LapChange {
   double second_lap_s = std::numeric_limits<double>::infinity();
-  double brightness = 0.88;  ///< of the second lap against the first
-  double noise = 1.25;       ///< the same for noise
+  double brightness = 0.88;  ///< of the second lap, relative to the first
+  double noise = 1.25;       ///< of the second lap, relative to the first
 };
 
-/// The camera that pictures are drawn with, where the given one is what its owner believes.
+/// Returns the camera that renders the pictures. `believed` is the calibration that the sequence
+/// states.
 Camera true_camera(Camera believed, const CameraFlaws& flaws);
 
-/// Where the right camera points, in the left one's frame.
+/// Rotation of the right camera in the left camera's frame.
 Eigen::Matrix3d right_rotation(const CameraFlaws& flaws);
 
-/// How bright a picture comes out.
+/// Returns the factor on the brightness of a picture.
 double exposure_gain(const CameraFlaws& flaws, const LapChange& laps, std::uint64_t seed,
                      double time_s);
 double noise_gain(const LapChange& laps, double time_s);
 
-/// Bends an ideal picture as the distortion that is left over does.
+/// Applies the residual distortion to an ideal picture.
 class Lens {
  public:
   Lens(const Camera& camera, double distortion);
@@ -47,7 +48,7 @@ class Lens {
 
  private:
   int width_ = 0, height_ = 0;
-  std::vector<float> from_x_, from_y_;  ///< where each pixel looks; empty: nothing to bend
+  std::vector<float> from_x_, from_y_;  ///< source of each pixel; empty: no distortion
   std::vector<float> straight_;
 };
 

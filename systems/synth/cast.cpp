@@ -21,7 +21,7 @@ double blend(double x) {
   return x * x * (3 - 2 * x);
 }
 
-/// Where the tables of every room stand, with room for a body beside them.
+/// The area of the tables in every room, with a margin for a body next to them.
 bool on_tables(const Vec3& p) { return std::abs(p.x()) < 2.0 && std::abs(p.y()) < 1.05; }
 
 class Casting {
@@ -51,7 +51,7 @@ class Casting {
     return somewhere(kind < 0.75);
   }
 
-  /// To and fro along the near side of the tables.
+  /// Back and forth along the near side of the tables.
   Track lane(int number) {
     std::vector<Vec3> control;
     for (const double x : {-2.4, -0.8, 0.8, 2.4})
@@ -67,7 +67,7 @@ class Casting {
     return Track(control, speed, start, options_.duration_s, slow);
   }
 
-  /// Along a rectangle with round corners, which leaves the tables alone from 2.3 x 1.45 m on.
+  /// Along a rectangle with round corners, which clears the tables from half sizes of 2.3 x 1.45 m.
   Track around(double half_x, double half_y) {
     std::vector<Vec3> control;
     const double sense = random_.uniform() < 0.5 ? 1 : -1;
@@ -80,7 +80,7 @@ class Casting {
     return track(control, speed, start);
   }
 
-  /// Rests for some seconds every now and then.
+  /// A track with pauses of 1.5 to 4 s.
   Track track(const std::vector<Vec3>& control, double speed, double start) {
     std::array<double, 8> from{}, length{};
     double t = random_.uniform(0, 6);
@@ -102,7 +102,7 @@ class Casting {
     const double sign = number % 2 == 0 ? -1 : 1;
     const int out = number / 2;
     const Vec3 place(sign * (0.55 + 0.8 * out) + random_.uniform(-0.05, 0.05), -1.15, 0);
-    const double turned = random_.uniform(20, 50);  // to each other and to the near side
+    const double turned = random_.uniform(20, 50);  // towards each other and the near side
     return Actor::sitting(build_, place, sign < 0 ? -turned : 180 + turned, seed_);
   }
 

@@ -11,17 +11,17 @@ namespace slambed::synth {
 namespace {
 
 constexpr double kGrid_m = 0.1;
-constexpr double kRunUp_m = 32;  ///< lap 1 begins so far before the start line
+constexpr double kRunUp_m = 32;  ///< from the beginning of lap 1 to the start line
 constexpr double kSpeedUp_m_s2 = 1.4, kBrake_m_s2 = 1.8;
-constexpr double kCrawl_m_s = 1.8;  ///< no turn is slower
+constexpr double kCrawl_m_s = 1.8;  ///< least speed in turns
 constexpr double kCameraHeight_m = 1.45, kCameraPitch_deg = -2;
 constexpr double kDegPerRad = 57.29577951308232;
 
-/// What is published of lap 2 (CloudSLAM, Table II), frames at 15 a second; `block` is ours.
+/// Published data of lap 2 (CloudSLAM, Table II), frames at 15 per second; `block` is ours.
 struct Published {
   double top_m_s, first_top_m_s;
   int frames;
-  double stop_m, stop_s;  ///< where and how long lap 2 stands; 0: nowhere
+  double stop_m, stop_s;  ///< place and duration of the stop in lap 2; 0: no stop
 };
 
 Published published(const std::string& name) {
@@ -38,7 +38,7 @@ std::size_t Drive::grid(double s_m) const {
   return static_cast<std::size_t>((s_m + kRunUp_m) / kGrid_m + 0.5);
 }
 
-/// Largest speeds that the turns, the engine and the brakes allow.
+/// Returns the largest speed at each grid point that turns, engine and brakes allow.
 std::vector<double> Drive::speeds(const Limits& first, const Limits& second) const {
   const std::size_t border = grid(route_.length_m()), count = grid(2 * route_.length_m()) + 1;
   std::vector<double> v(count);
@@ -73,7 +73,7 @@ Drive::Drive(const std::string& name, std::uint64_t seed) : route_(name) {
   const double lap_s2 = (wanted.frames - 1) / 15.0;
   const Limits first{wanted.first_top_m_s, 0.9};
   Limits second{wanted.top_m_s, 0};
-  double slow = 0.05, fast = 8;  // sideways acceleration in turns decides how long a lap takes
+  double slow = 0.05, fast = 8;  // bisect the lateral acceleration for the published lap time
   for (int i = 0; i < 60; ++i) {
     second.sideways_m_s2 = 0.5 * (slow + fast);
     const bool late = lap_s(speeds(first, second), border, end) + stop_s_ > lap_s2;
@@ -110,7 +110,7 @@ double Drive::traveled_m(double t) const {
   const Sample &b = *after, &a = *(after - 1);
   const auto i = static_cast<std::size_t>(after - samples_.begin()) - 1;
   const double moving_s = 2 * kGrid_m / (a.speed_m_s + b.speed_m_s);
-  const double since = std::max(0.0, t - (b.time_s - moving_s));  // stands before it moves
+  const double since = std::max(0.0, t - (b.time_s - moving_s));  // a stop comes before the motion
   const double rate = (b.speed_m_s - a.speed_m_s) / moving_s;
   return static_cast<double>(i) * kGrid_m - kRunUp_m + since * (a.speed_m_s + 0.5 * rate * since);
 }
@@ -125,8 +125,8 @@ double Drive::leaves_behind_s(double s_m) const {
   return samples_[i].time_s;
 }
 
-/// To the left of the lane's middle. Odd numbers of waves: what one half of the lap adds to the
-/// length the other takes away. Both laps are in the middle at the start line.
+/// Offset to the left of the lane's middle. Odd numbers of waves cancel over the two halves of a
+/// lap, so its length stays the same. Both laps are in the middle at the start line.
 double Drive::beside_m(double s_m) const {
   const double laps = s_m / route_.length_m();
   const double both = 0.08 * sine(5 * laps);
@@ -140,8 +140,8 @@ SE3 Drive::at(double t) const {
   const double speed = speed_m_s(t), gain = (ahead - behind) / (2 * kPitchWindow_s);
   constexpr double kSlope_m = 0.2;
   const double drift = (beside_m(s + kSlope_m) - beside_m(s - kSlope_m)) / (2 * kSlope_m);
-  // Bumps of the road belong to places, not to times: the same in both laps but for the wheels'
-  // track.
+  // Bumps belong to places, not to times: both laps feel the same ones, shifted because their wheel
+  // tracks differ.
   const double track = bumps_ + (s < route_.length_m() ? 0 : 0.17);
   const double bump = 0.012 * sine(s / 7.3 + track) + 0.006 * sine(s / 2.9 + 2 * track);
   const double nod_deg = 0.12 * sine(s / 5.1 + track) + 0.05 * sine(s / 1.7 + track);

@@ -10,9 +10,9 @@
 
 namespace slambed::synth {
 
-/// Two laps of a route by car as one recording. The first begins before the start line and ends at
-/// it, so that its loop closes without the second. They differ in speed and run up to 0.4 m beside
-/// each other. Lap 2 lasts as many frames as the published drive of its name.
+/// Two laps of a route by car in one recording. Lap 1 begins before the start line and ends at it,
+/// so that its loop closes without lap 2. The laps differ in speed and by up to 0.32 m sideways.
+/// Lap 2 has as many frames as the published drive of the same name.
 class Drive final : public CameraPath {
  public:
   Drive(const std::string& name, std::uint64_t seed);
@@ -21,10 +21,10 @@ class Drive final : public CameraPath {
   double duration_s() const override { return duration_s_; }
 
   const Route& route() const { return route_; }
-  /// Whole seconds: where lap 1 ends and lap 2 begins.
+  /// When lap 2 begins, in whole seconds.
   double second_lap_s() const { return second_lap_s_; }
-  /// How far along the route the car is, from the start line; negative before it, the second lap
-  /// counted on.
+  /// Distance along the route from the start line: negative before it, and it keeps counting in
+  /// lap 2.
   double traveled_m(double time_s) const;
   double speed_m_s(double time_s) const;
   /// When the car passes this place (below a lap) for the last time in lap 1.
@@ -34,7 +34,7 @@ class Drive final : public CameraPath {
   struct Limits {
     double top_m_s, sideways_m_s2;
   };
-  /// At grid place i: when, and how fast.
+  /// Time and speed at one point of the distance grid.
   struct Sample {
     double time_s = 0, speed_m_s = 0;
   };
@@ -48,9 +48,9 @@ class Drive final : public CameraPath {
   Route route_;
   double bumps_ = 0;  ///< phase of the road's bumps, by seed
   std::vector<Sample> samples_;
-  std::size_t stop_ = 0;  ///< grid place of the stop in lap 2; 0: none
-  double stop_s_ = 0;     ///< how long it stands there
-  double stand_s_ = 0;    ///< before it sets off at the beginning
+  std::size_t stop_ = 0;  ///< grid index of the stop in lap 2; 0: none
+  double stop_s_ = 0;     ///< duration of that stop
+  double stand_s_ = 0;    ///< standing time before the start
   double second_lap_s_ = 0, duration_s_ = 0;
 };
 

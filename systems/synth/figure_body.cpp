@@ -21,14 +21,15 @@ class PartMotion final : public Motion {
   int part_;
 };
 
-/// A level ellipse around a part's axis; from this ring up to the next the part is of `material`.
+/// A horizontal ellipse around a part's axis. `material` applies from this ring up to the next.
 struct Ring {
   double z, radius_x, radius_y;
   const Material* material = nullptr;
-  double x = 0;  ///< of its middle
+  double x = 0;  ///< of the center
 };
 
-/// Rings from below, of so many corners; lids close the ends.
+/// Adds a body from rings in order from below; `sides` is the corners per ring. Lids close the
+/// ends.
 void add_rings(Scene& scene, std::span<const Ring> rings, int sides) {
   const auto corners = [&](const Ring& ring) {
     std::vector<Vec3> points;

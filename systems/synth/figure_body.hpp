@@ -8,10 +8,9 @@
 
 namespace slambed::synth {
 
-/// Puts a person into a scene: a moving body for every part, rounded by rings of faces, in clothes
-/// that hang on the seed (plain, patterned or striped; sleeves and trousers long or short). Whoever
-/// sits gets a stool. `number`: what labels call the figure, from 1. Textures are built
-/// `texel_scale` times coarser.
+/// Adds a person to a scene: every part is a moving body made of rings of faces. Clothes depend on
+/// the seed (plain, patterned or striped; sleeves and trousers long or short). A sitting person
+/// gets a stool. number: the figure's id in labels, from 1. texel_scale: coarser textures.
 void add_figure(Scene& scene, std::shared_ptr<const Actor> actor, int number, std::uint64_t seed,
                 double texel_scale);
 

@@ -16,25 +16,25 @@
 namespace slambed::synth {
 namespace {
 
-/// Recorded time of frame 0 of a named path; recorded paths keep their own.
+/// Timestamp of frame 0 of a named path. Recorded paths keep their own.
 constexpr double kTimeOrigin_s = 1000;
-/// Room between the camera path and the walls.
+/// Least distance between the camera path and the walls.
 constexpr double kWallMargin_m = 1.5;
 /// Larger rooms would need more texture memory than a development machine has.
 constexpr double kLargestHalf_m = 15;
 
-/// The car's camera: focal length of 1280 pixels, and baseline, as CloudSLAM's.
+/// The car's camera as in CloudSLAM: focal length at a width of 1280 pixels, and baseline.
 constexpr double kRoadFocal_px = 700, kRoadBaseline_m = 0.12;
-/// Points count as near up to so many baselines: 9.6 m, where a street begins.
+/// Depth up to which points count as close, in baselines. On the road 9.6 m.
 constexpr double kRoadCloseDepth = 80, kRoomCloseDepth = 40;
-/// On the road blur is sampled for what is so near, and never more than this.
+/// On the road, distance for which motion blur is sampled, and most samples per pixel.
 constexpr double kRoadNearest_m = 6;
 constexpr int kRoadMostSamples = 3;
 
 struct ChosenPath {
   std::shared_ptr<const CameraPath> path;
   double origin_s = kTimeOrigin_s;
-  std::shared_ptr<const Drive> drive{};  ///< the same path where it is one
+  std::shared_ptr<const Drive> drive{};  ///< the same path if it is a drive
 };
 
 ChosenPath choose_path(const GeneratorOptions& options) {

@@ -14,12 +14,12 @@ constexpr double kHalfX_m = 8, kHalfY_m = 6, kHallHeight_m = 5;
 struct Island {
   double x, y, half_x, half_y;
 };
-/// Around a free middle; nothing stands in the south.
+/// Islands surround a free middle, and the south is empty.
 constexpr std::array kIslands = {
     Island{-4.2, 3.6, 1.9, 1.1}, Island{0.2, 4.3, 1.4, 0.9},   Island{4.4, 3.4, 1.8, 1.2},
     Island{6.2, -0.8, 1.0, 1.9}, Island{-6.2, -1.2, 1.0, 1.9},
 };
-/// Tried on each square meter of an island; they overlap.
+/// Objects tried on each square meter of an island; they may overlap.
 constexpr double kPiecesPerSquareMeter = 3.4;
 
 class HallBuilder {
@@ -44,7 +44,7 @@ class HallBuilder {
     return leafy(gray, contrast, texel_m, largest_m, coverage, options_.texel_scale);
   }
 
-  /// Paint and concrete: shades that differ by less than a corner detector asks for.
+  /// Paint and concrete: their contrast is below the threshold of a corner detector.
   void add_shell() {
     scene_->begin_group();
     scene_->add_room({kHalfX_m, kHalfY_m, 0}, kHallHeight_m, material(96, 2.5, 0.008, 0.5, 0.9),
@@ -60,7 +60,7 @@ class HallBuilder {
     scene_->end_body();
   }
 
-  /// A crate, a stack of crates or a shelf full of things; each has a random stream of its own.
+  /// Adds a tall shelf or a stack of one to four crates. Each object has its own random stream.
   void add_piece(const Island& island) {
     Random random(options_.seed, 0x30000 + pieces_++);
     const Vec3 place(island.x + random.uniform(-1, 1) * (island.half_x - 0.25),

@@ -8,7 +8,7 @@
 namespace slambed::synth {
 namespace {
 
-/// A joint counts as seen where nothing else is nearer; its own body is this thick.
+/// A joint lies inside the body: it still counts as visible this far behind the body's surface.
 constexpr double kFlesh_m = 0.22;
 constexpr std::uint32_t kVersion = 1, kClassPerson = 0, kMovesWithKeypoints = 3;
 constexpr const char* kKey = "labels";

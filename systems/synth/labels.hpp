@@ -12,23 +12,24 @@
 
 namespace slambed::synth {
 
-/// Where a joint is in the picture; visibility as in COCO, but 0 means outside of the picture.
+/// Position of a joint in the picture. Visibility as in COCO, except that 0 means outside of the
+/// picture.
 struct Keypoint {
   float u_px = 0, v_px = 0;
-  std::uint32_t visibility = 0;  ///< 1: hidden, 2: seen
+  std::uint32_t visibility = 0;  ///< 1: occluded, 2: visible
 };
 
-/// What is to be seen of one person, through pixel centers at mid-exposure.
+/// Label of one person, sampled at pixel centers at mid-exposure.
 struct PersonLabel {
   std::array<Keypoint, kKeypoints> keypoints{};
-  std::vector<std::uint32_t> runs;  ///< lengths out, in, out ... of the mask, row by row
+  std::vector<std::uint32_t> runs;  ///< run lengths of the mask: out, in, out ..., row by row
 };
 
-/// Labels of everybody with a pixel in the picture, in the order of the cast.
+/// Returns labels of all people with at least one visible pixel, in the order of the cast.
 std::vector<PersonLabel> label_people(Renderer& renderer, std::span<const Figure> cast,
                                       const SE3& T_wc, double time_s);
 
-/// A frame of labels.bin, which has the form of a mask cache (docs/formats.md) with the key
+/// Encodes one frame of labels.bin, which is a mask cache (docs/reference/sequence.md) with the key
 /// "labels".
 std::string label_block(std::span<const PersonLabel> people, const Camera& camera);
 std::string label_file(const std::vector<std::string>& blocks);

@@ -10,14 +10,14 @@
 namespace slambed::synth {
 namespace {
 
-/// 0 before 0, 1 after 1, with two continuous derivatives.
+/// Smooth step from 0 to 1 with two continuous derivatives.
 double ease(double x) {
   x = std::clamp(x, 0.0, 1.0);
   return x * x * x * (10 + x * (-15 + 6 * x));
 }
 
-/// Trembling of a hand: three sines per axis. Amplitudes as in TUM's hand-held sequences, whose
-/// rotation speed has a median near 10 degrees per second at 0.26 m/s.
+/// Hand shake as three sines per axis. Amplitudes imitate TUM's hand-held sequences, whose median
+/// rotation speed is near 10 degrees per second at 0.26 m/s.
 class HandShake {
  public:
   explicit HandShake(std::uint64_t seed) {
@@ -39,7 +39,7 @@ class HandShake {
   std::array<std::array<double, 3>, 6> phases_{};
 };
 
-/// What a walk is made of before the hand shakes it.
+/// Position and viewing direction of a walk without hand shake.
 struct Gaze {
   double x = 0, y = 0, z = 1.5, yaw_deg = 0, pitch_deg = 0;
 };
@@ -69,7 +69,7 @@ class Walk : public CameraPath {
   HandShake hand_;
 };
 
-/// Place on an ellipse around the tables; yaw looks at the middle.
+/// Position on an ellipse around the tables; yaw points at the center.
 Gaze on_ring(double turns, double radius_x, double radius_y) {
   const SinCos a = sincos_turns(turns);
   Gaze g;
@@ -97,7 +97,7 @@ class Office final : public Walk {
 
  private:
   Gaze gaze(double t) const override {
-    // One round and a fifth (the end sees the beginning again), with steps to the tables and back.
+    // 1.2 rounds, so that the end revisits the start, with steps towards the tables and back.
     const double turns = 0.07 + t / 70;
     const double reach = 1 - 0.10 * sincos_turns(t / 13.0 + 0.3).sin;
     Gaze g = on_ring(turns, 2.55 * reach, 2.0 * reach);
@@ -111,7 +111,7 @@ class Office final : public Walk {
   }
 };
 
-/// Slowly once around the tables and a little further, with the view over them.
+/// Slowly once around the tables and a little further, looking over them.
 class Desk final : public Walk {
  public:
   using Walk::Walk;
@@ -134,17 +134,17 @@ class TwoLaps final : public Walk {
   Gaze gaze(double t) const override {
     constexpr double kLap_s = 48;
     const double lap = t / kLap_s;
-    // The second lap is a hand's width off the first: the same places, not the same pictures.
+    // The second lap is 6 cm off the first: the same places, but different pictures.
     const double shift = 0.06 * ease(lap - 0.9);
     Gaze g = on_ring(lap - 0.13, 2.6 + shift, 2.0 + shift);
     g.z = 1.45 + shift + 0.06 * sincos_turns(3 * lap).sin;
-    g.yaw_deg -= 38;  // ahead and to the tables
+    g.yaw_deg -= 38;  // between the direction of motion and the tables
     g.pitch_deg = -14 + 6 * sincos_turns(4 * lap).sin;
     return g;
   }
 };
 
-/// Values at equal steps of time, joined by uniform cubic B-splines.
+/// Random values at equal time steps, joined by a uniform cubic B-spline.
 class Wander {
  public:
   Wander(Random random, double duration_s, double step_s, double low, double high)
@@ -191,7 +191,7 @@ class Spline final : public Walk {
   Wander along_, reach_, height_, yaw_, pitch_;
 };
 
-/// Before the near side of the tables (y < 0), with the view over them.
+/// In front of the near side of the tables (y < 0), looking over them.
 Gaze before_tables() {
   Gaze g;
   g.y = -2.55;

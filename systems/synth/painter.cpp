@@ -16,7 +16,7 @@ struct Interval {
   }
 };
 
-/// Part of a row (offset dy from the center) inside the slab |a dx + b dy| <= r.
+/// Returns the part of a row (offset dy from the center) inside the slab |a dx + b dy| <= r.
 Interval slab(double a, double b, double dy, double r) {
   const double offset = b * dy;
   if (std::abs(a) < 1e-9) return std::abs(offset) <= r ? Interval{-1e9, 1e9} : Interval{1, -1};
@@ -118,8 +118,8 @@ void paint(Texture& texture, const Material& m, Random random) {
   const double largest = std::max(1.5 * smallest, m.largest_m * per_m);
   for (int y = 0; y < texture.height(); ++y)
     std::memset(texture.row(y), to_gray(m.gray), texture.width());
-  // Half sizes follow r^-3 between smallest and largest: every octave covers the same area. A leaf
-  // covers about 3 r^2 on average over the shapes.
+  // Half sizes follow r^-3 between smallest and largest, so every octave covers the same area. A
+  // leaf covers about 3 r^2, averaged over the shapes.
   const double shrink = 1 - (smallest / largest) * (smallest / largest);
   double octaves = 0;
   for (double r = smallest; r < largest; r *= 2) octaves += 1;

@@ -10,7 +10,7 @@ namespace slambed::synth {
 // Everything random or periodic in the generator comes from here and uses only IEEE + - * / and
 // integers, so that a seed gives the same bytes with any compiler, libm or processor.
 
-/// The stream of one piece of the scene.
+/// Random stream of one object of the scene.
 class Random {
  public:
   explicit Random(std::uint64_t seed, std::uint64_t stream = 0)
@@ -19,7 +19,7 @@ class Random {
   std::uint64_t bits() { return words_.next(); }
   double uniform() { return words_.uniform(); }
   double uniform(double low, double high) { return words_.uniform(low, high); }
-  /// By the upper bits, not by remainder as SplitMix64 does it: scenes must stay what they are.
+  /// Uses the upper bits, not the remainder as SplitMix64 does, so that scenes keep their bytes.
   int below(int n) {
     return static_cast<int>((bits() >> 32) * static_cast<std::uint64_t>(n) >> 32);
   }
@@ -28,7 +28,7 @@ class Random {
   SplitMix64 words_;
 };
 
-/// About normal with mean 0 and deviation 1: the four bytes of a hash summed.
+/// Approximates a standard normal by the sum of a hash's four bytes.
 constexpr float bell(std::uint32_t hash) {
   const int sum =
       static_cast<int>((hash & 255) + (hash >> 8 & 255) + (hash >> 16 & 255) + (hash >> 24));
@@ -40,7 +40,7 @@ struct SinCos {
   double sin = 0, cos = 1;
 };
 
-/// Sine and cosine of an angle in full turns; exact to about 1e-15.
+/// Sine and cosine of an angle in full turns, accurate to about 1e-15.
 inline SinCos sincos_turns(double turns) {
   const double quarter = turns * 4;
   const auto nearest = static_cast<std::int64_t>(quarter + (quarter < 0 ? -0.5 : 0.5));

@@ -11,8 +11,8 @@
 namespace slambed::synth {
 namespace {
 
-/// Control points lie this far apart, and each is the mean of the poses this near: it takes away
-/// the jitter of motion capture but keeps the motion of a hand.
+/// Spacing of the control points. Each is a weighted mean of the poses around it, which removes the
+/// jitter of motion capture but keeps the motion of the hand.
 constexpr double kStep_s = 0.05;
 
 using Row = std::array<double, 7>;  // position, quaternion x y z w
@@ -46,7 +46,7 @@ Recording read_rows(const std::filesystem::path& file) {
     if (!(norm > 1e-6))
       throw bad_input(file.string() + ":" + std::to_string(number) + ": zero quaternion");
     if (!recording.times.empty() && t <= recording.times.back()) continue;
-    // One of q and -q, so that neighbors can be averaged.
+    // Choose between q and -q so that neighbors can be averaged.
     double sign = 1 / norm;
     if (!recording.rows.empty()) {
       const Row& last = recording.rows.back();

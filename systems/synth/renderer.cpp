@@ -18,7 +18,7 @@ struct Pixel {
   double x, y;
 };
 
-/// Cuts a polygon in camera coordinates at the near plane; returns the number of corners left.
+/// Clips a polygon in camera coordinates at the near plane. Returns the number of its corners.
 int clip_near(const Vec3* in, int n, Vec3* out) {
   int kept = 0;
   for (int i = 0; i < n; ++i) {
@@ -26,7 +26,7 @@ int clip_near(const Vec3* in, int n, Vec3* out) {
     const bool a_in = a.z() >= kNear_m, b_in = b.z() >= kNear_m;
     if (a_in) out[kept++] = a;
     if (a_in != b_in) {
-      // Always from the near to the far end, so that neighboring faces get the same point.
+      // Always interpolate from the near to the far end, so that adjacent faces get the same point.
       const Vec3 &near = a_in ? b : a, &far = a_in ? a : b;
       out[kept++] = near + (far - near) * ((kNear_m - near.z()) / (far.z() - near.z()));
     }
@@ -97,14 +97,14 @@ void Renderer::rasterize(const SE3& T_wc, double time_s, double offset_x, double
   }
 }
 
-/// Whether the ball around a body reaches into what the drawn rows see.
+/// Returns whether a body exists at this time and its bounding sphere reaches into the drawn rows.
 bool Renderer::in_sight(const Body& body, const SE3& T_cb, double time_s) const {
   if (time_s < body.from_s || time_s >= body.until_s) return false;
   if (body.reach_m == 0) return true;
   const Vec3 p = T_cb * body.middle;
   const double reach = body.reach_m;
   if (p.z() < -reach) return false;
-  // Four planes through the camera; a pixel more for the offsets of samples.
+  // Four planes through the camera center, with a margin of one pixel for sample offsets.
   const double left = (camera_.cx + 1) / camera_.fx;
   const double right = (camera_.width - camera_.cx) / camera_.fx;
   const double above = (camera_.cy + 1 - first_row_) / camera_.fy;
@@ -121,7 +121,7 @@ void Renderer::draw_face(const Face& face, int figure, const SE3& T_cb, double o
   const Vec3 o = T_cb * face.origin;
   const Vec3 a = T_cb.R * face.axis_s, b = T_cb.R * face.axis_t;
   const Vec3 normal = a.cross(b);
-  const double det = o.dot(normal);  // minus the camera's distance in front of the plane
+  const double det = o.dot(normal);  // negative if the camera is in front of the plane
   if (det > -1e-6) return;
 
   Vec3 corners[kMaxCorners], clipped[kMaxCorners];
@@ -169,7 +169,7 @@ void Renderer::draw_face(const Face& face, int figure, const SE3& T_cb, double o
     double left = 1e9, right = -1e9;
     for (int i = 0; i < kept; ++i) {
       const Pixel &p = polygon[i], &q = polygon[(i + 1) % kept];
-      // Lower end first: both faces at an edge then get the same crossing.
+      // Lower end first, so that both faces at an edge get the same crossing.
       const Pixel &up = p.y < q.y ? p : q, &down = p.y < q.y ? q : p;
       if (y < up.y || y >= down.y) continue;
       const double x = up.x + (down.x - up.x) * ((y - up.y) / (down.y - up.y));

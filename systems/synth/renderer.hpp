@@ -11,41 +11,42 @@
 
 namespace slambed::synth {
 
-/// One ideal picture: unquantized gray and depth along the optical axis (0: nothing there).
+/// One ideal picture: unquantized gray, and depth along the optical axis (0: no surface).
 struct Picture {
   int width = 0, height = 0;
   std::vector<float> gray;
   std::vector<float> depth_m;
 };
 
-/// Draws a scene as an ideal pinhole camera sees it: z-buffered polygons, then one filtered texture
+/// Renders a scene with an ideal pinhole camera: z-buffered polygons, then one filtered texture
 /// read per pixel. Not thread-safe; every thread has its own renderer on the shared scene.
 class Renderer {
  public:
   Renderer(std::shared_ptr<const Scene> scene, const Camera& camera);
 
-  /// Camera to world at a time of the sequence. The sub-pixel offset shifts the sample point in
-  /// every pixel. Adds to gray, so that several samples can be averaged.
+  /// Adds one sample per pixel to gray, so that several samples can be averaged. The offset shifts
+  /// the sample point within every pixel.
   void accumulate(const SE3& T_wc, double time_s, double offset_x_px, double offset_y_px,
                   std::vector<float>& gray);
-  /// The same in rows [first, last) alone: a shutter that rolls sees every row from another place.
+  /// Like accumulate(), but only rows [first_row, last_row): a rolling shutter exposes every row at
+  /// another pose.
   void accumulate_rows(const SE3& T_wc, double time_s, double offset_x_px, double offset_y_px,
                        int first_row, int last_row, std::vector<float>& gray);
-  /// Depth through the pixel centers.
+  /// Renders the depth at pixel centers.
   void render_depth(const SE3& T_wc, double time_s, std::vector<float>& depth_m);
-  /// Whose part every pixel center shows (Body::figure), and its depth.
+  /// The figure (Body::figure) and the depth at every pixel center.
   struct FigureView {
     std::vector<std::uint16_t> figure_at;
     std::vector<float> depth_m;
   };
   FigureView render_figures(const SE3& T_wc, double time_s);
-  /// Gray (one sample per pixel) and depth.
+  /// Renders gray (one sample per pixel) and depth.
   Picture render(const SE3& T_wc, double time_s);
 
   const Camera& camera() const { return camera_; }
 
  private:
-  /// 1/z, s/z and t/z of a face's plane are linear in the pixel: value = c[0] + c[1] x + c[2] y.
+  /// 1/z, s/z and t/z of a face are linear in the pixel: value = c[0] + c[1] x + c[2] y.
   struct Plane {
     float w[3], s[3], t[3];
     int texture = 0;
@@ -63,7 +64,7 @@ class Renderer {
   std::vector<float> inverse_depth_;
   std::vector<std::uint16_t> face_at_;  ///< 1 + index into planes_; 0: nothing
   std::vector<Plane> planes_;
-  int first_row_ = 0, last_row_ = 0;  ///< drawn now: [first, last)
+  int first_row_ = 0, last_row_ = 0;  ///< rows to draw: [first, last)
 };
 
 }  // namespace slambed::synth

@@ -69,7 +69,7 @@ void Roadside::add_windows(Material& wall, double width, double height, Random& 
       wall.marks.push_back(
           {s - frame, low - frame, wide + 2 * frame, high - low + 2 * frame, frame_gray});
       wall.marks.push_back({s, low, wide, high - low, gray});
-      // A blind, curtain or crossbar, so that no two windows are alike.
+      // A blind, curtain or crossbar makes every window different.
       const double part = random.uniform(0.15, 0.7), light = random.uniform(90, 210);
       const double from = random.uniform(0, 0.5) * wide;
       if (random.uniform() < 0.6)
@@ -113,7 +113,7 @@ void Roadside::car(const Vec3& p, double yaw_deg, Random& random) {
   scene_.add_box(at(0.3), {length, 1.74, 0.58}, paint, yaw_deg);
   scene_.add_box(at(0.88) + back, {0.52 * length, 1.5, tall - 0.06}, glass, yaw_deg);
   scene_.add_box(at(0.82 + tall) + back, {0.5 * length, 1.46, 0.07}, roof, yaw_deg);
-  // Lamps and plates at both ends.
+  // Lamps and license plates at both ends.
   for (const double end : {0.5, -0.5})
     for (const double across : {-0.62, 0.0, 0.62}) {
       const Vec3 lamp =

@@ -8,20 +8,20 @@
 
 namespace slambed::synth {
 
-/// What stands in a street and what it is made of.
+/// Objects and materials of a street.
 class Roadside {
  public:
   Roadside(Scene& scene, double texel_scale) : scene_(scene), texel_scale_(texel_scale) {}
 
-  /// A piece of road of 3 m whose right edge lies at `right_m`; lines at these places across (the
-  /// middle one is dashed), cracks by the stream.
+  /// Material of a 3 m piece of road whose right edge lies at `right_m`, with lines at lateral
+  /// positions `lines_m` (the middle one only if `dash`) and random cracks.
   Material road(Random random, double right_m, std::span<const double> lines_m, bool dash) const;
   Material pavement() const;
   Material curb() const;
   Material ground() const;
 
-  /// From the middle of its front on the ground; `to_street` is its front's normal. Windows only
-  /// where it is detailed.
+  /// front: middle of its front edge on the ground; to_street: normal of the front. `detailed`
+  /// gives finer textures.
   void house(const Vec3& front, const Vec3& to_street, double width, double depth, double height,
              bool detailed, Random& random);
   void car(const Vec3& p, double yaw_deg, Random& random);

@@ -14,14 +14,14 @@ namespace slambed::synth {
 namespace {
 
 constexpr double kHeight_m = 0.75, kPitch_deg = -2;
-/// Speeds up and slows down in this time.
+/// Duration of every acceleration and deceleration.
 constexpr double kDriveRamp_s = 0.7, kTurnRamp_s = 0.5;
-/// What wheels on a floor leave of vibration.
+/// Amplitude of the vibration from the wheels.
 constexpr double kTremble_m = 0.0006, kTremble_deg = 0.04;
-/// How far a seed moves the places of a plan.
+/// Largest shift of a plan's places by the seed, per axis.
 constexpr double kAstray_m = 0.06;
 
-/// From 0 to `amount` at a rate that is reached and left smoothly.
+/// Motion from 0 to `amount` at a rate that ramps up and down smoothly.
 class Glide {
  public:
   Glide(double amount, double rate, double ramp_s) : amount_(amount), ramp_s_(ramp_s) {
@@ -45,7 +45,7 @@ class Glide {
   }
 
  private:
-  /// Way after `t` of a ramp whose rate is 3 u^2 - 2 u^3.
+  /// Returns the distance after `t` of a ramp with a relative rate of 3 u^2 - 2 u^3.
   double ramped(double t) const {
     const double u = t / ramp_s_;
     return rate_ * ramp_s_ * u * u * u * (1 - 0.5 * u);
@@ -62,7 +62,7 @@ class RobotPath final : public CameraPath {
     x_ = plan.x;
     y_ = plan.y;
     heading_deg_ = plan.heading_deg;
-    // Places that a plan names twice are the same place with any seed.
+    // A hash of the place gives its shift, so a place that a plan names twice stays one place.
     const auto astray = [&](double x, double y, int axis) {
       const auto cell = static_cast<std::uint64_t>(std::floor(x * 100 + 5000)) * 16384 +
                         static_cast<std::uint64_t>(std::floor(y * 100 + 5000));
@@ -100,7 +100,7 @@ class RobotPath final : public CameraPath {
   }
 
  private:
-  /// From one place and heading on; it turns or drives by what the glide says.
+  /// A turn, a straight drive or a stop, from a start pose.
   struct Leg {
     double x, y, heading_deg, begin_s;
     bool turns;

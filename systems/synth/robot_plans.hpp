@@ -6,13 +6,13 @@
 
 namespace slambed::synth {
 
-// Where the robot goes. The islands of the hall stand from the west over the north to the east, and
-// nothing stands in the south. A loss begins with a turn past the south and lasts because the robot
-// goes on where nobody has mapped; it ends where the robot comes back to a view that it had before.
+// Plans of the robot paths. The islands of the hall stand in the west, north and east; the south is
+// empty. Tracking is lost in a turn past the south and stays lost because the robot drives on
+// through unmapped places. It relocalizes when the robot returns to an earlier view.
 
 enum class Way { kShort, kLeft, kRight };
 
-/// Turn in place to a heading or towards a place, this way round; drive there; or stand.
+/// One order: turn in place to a heading, turn towards a place and drive there, or stand.
 struct Order {
   enum class Kind { kFace, kDriveTo, kStand } kind;
   double a = 0, b = 0;  ///< heading [deg]; x, y [m]; time [s]
@@ -41,25 +41,25 @@ constexpr Order dash(double x, double y, Way way) {
 }
 
 inline constexpr std::array kPioneer2 = {
-    // In the north-west, north and north-east: mapped.
+    // Maps the north-west, north and north-east.
     drive(-1.4, -0.2), drive(-1.0, 1.0), drive(0.8, 1.7),
-    // Lost past the bare south; found in the north-west, on into the west.
+    // Lost past the bare south; relocalized in the north-west, then on to the west.
     dash(0.6, -3.0, Way::kRight), dash(-0.6, -1.4, Way::kRight), drive(-1.4, -0.2),
     drive(-2.0, -0.35, Way::kLeft),
-    // Lost and found where it had been last.
+    // Lost, then relocalized at its last place.
     face(-70, Way::kLeft, 48), stand(0.5), face(190, Way::kRight, 48),
-    // Lost past the south; found in the north.
+    // Lost past the south; relocalized in the north.
     dash(-1.2, -3.4, Way::kLeft), dash(-1.4, -0.2, Way::kLeft), drive(-1.0, 1.0),
-    // Lost past the south; a glance at the north-west, and away again.
+    // Lost past the south; a short look at the north-west, then away again.
     dash(0.6, -3.0, Way::kRight), face(125, Way::kRight, 48), stand(1), face(-110, Way::kLeft, 48),
     stand(60)};
 
 inline constexpr std::array kPioneer3 = {
     drive(-2.6, -0.45), drive(-2.9, 0.4), drive(-1.6, 1.6), drive(0.4, 2.0), drive(2.2, 1.1),
-    // Past the bare south to the west, where it began.
+    // Past the bare south, back to the west where it started.
     dash(1.2, -1.2, Way::kRight), dash(-1.4, -0.2, Way::kRight), drive(-2.6, -0.45),
     drive(-2.9, 0.4), drive(-1.6, 1.6), drive(0.4, 2.0),
-    // Lost and found where it had been last.
+    // Lost, then relocalized at its last place.
     face(-105, Way::kRight), stand(1), face(-26, Way::kLeft), drive(2.2, 1.1),
     // Past the south once more.
     dash(-1.4, -0.2, Way::kRight), drive(-2.6, -0.45), stand(60)};
@@ -70,7 +70,7 @@ constexpr Order round_to(double heading_deg) {
 }
 inline constexpr std::array kPioneer360 = {
     stand(1), round_to(60), round_to(-60), round_to(170), round_to(60),
-    // Back before anything else was seen.
+    // Turns back before it sees anything new.
     round_to(-60), stand(1), face(60, Way::kLeft, kRound_deg_s), stand(1), round_to(-60),
     round_to(170), round_to(60), round_to(-60), round_to(170), round_to(60), round_to(-60),
     round_to(170), round_to(60), round_to(-60), stand(60)};

@@ -9,8 +9,8 @@
 namespace slambed::synth {
 namespace {
 
-/// Furnishes a scene; every piece has its own random stream, so leaving one out changes no other.
-/// No two draws stand in one argument list: their order would be the compiler's choice.
+/// Furnishes a scene. Every piece has its own random stream, so that leaving one out changes no
+/// other. No argument list has two random draws, because the compiler may choose their order.
 class Furnisher {
  public:
   Furnisher(const RoomOptions& options, std::span<const Vec3> path, std::span<const Figure> cast)
@@ -42,7 +42,7 @@ class Furnisher {
     return leafy(gray, contrast, texel_m, largest_m, coverage, options_.texel_scale);
   }
 
-  /// Pictures, screens, covers: strong contrast, fully covered.
+  /// Material of pictures, screens and covers: strong contrast, no bare areas.
   Material printed(double gray, double texel_m = 0.002, double largest_m = 0.06) {
     return material(gray, 75, texel_m, largest_m, 1.6);
   }
@@ -65,7 +65,7 @@ class Furnisher {
                      ceiling);
   }
 
-  /// 1.6 x 0.8 m, 0.74 m high, with a screen, boxes, books and cups on it.
+  /// Adds a table of 1.6 x 0.8 x 0.74 m with a screen, boxes, books and cups on it.
   void add_table(double x, double y) {
     Random random = stream();
     if (!keeps_clear({x - 0.8, y - 0.4, 0}, {x + 0.8, y + 0.4, 1.25})) return;
@@ -75,7 +75,7 @@ class Furnisher {
     for (const double dx : {-0.74, 0.74})
       for (const double dy : {-0.34, 0.34})
         scene_->add_box({x + dx, y + dy, 0}, {0.06, 0.06, top - 0.04}, wood);
-    const double side = y < 0 ? 1 : -1;  // screens stand back to back at the middle
+    const double side = y < 0 ? 1 : -1;  // screens stand back to back in the middle
     scene_->add_box({x, y + side * 0.26, top}, {0.26, 0.18, 0.02}, material(40, 24, 0.002));
     scene_->add_box({x, y + side * 0.30, top + 0.02}, {0.06, 0.04, 0.12}, material(40, 24, 0.002));
     scene_->add_box({x, y + side * 0.28, top + 0.12}, {0.56, 0.05, 0.36}, printed(110, 0.002, 0.1),
@@ -121,7 +121,7 @@ class Furnisher {
     }
   }
 
-  /// Shelves, cabinets and sofas with their backs to the four walls.
+  /// Adds shelves and cabinets with their backs to the four walls.
   void add_wall_furniture() {
     const double hx = options_.half_x_m, hy = options_.half_y_m;
     for (const bool along_x : {true, false})
@@ -138,7 +138,7 @@ class Furnisher {
   }
 
   void add_wall_piece(const Vec3& c, bool along_x, Random& random) {
-    // Boxes are given as along the wall, into the room, up.
+    // Coordinates of a box: along the wall, into the room, up.
     const auto box = [&](double along, double into, double up, const Vec3& size,
                          const Material& m) {
       const Vec3 offset = along_x ? Vec3(along, into, up) : Vec3(into, along, up);
@@ -219,7 +219,8 @@ class Furnisher {
     }
   }
 
-  /// A figure of boxes that goes around the tables; faces of a body are relative to its pose.
+  /// Adds a figure of boxes that walks around the tables. Its faces are relative to the body's
+  /// pose.
   void add_walker(int i) {
     Random random = stream();
     Body motion;

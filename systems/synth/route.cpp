@@ -14,7 +14,7 @@ constexpr double kTwoPi = 6.283185307179586;
 
 double whole_part(double x) { return std::floor(x); }
 
-/// 0 to 1 with a rate that rises and falls as a raised cosine.
+/// Smooth step from 0 to 1 whose rate is a raised cosine.
 double eased(double u) {
   u = std::clamp(u, 0.0, 1.0);
   return u - sincos_turns(u).sin / kTwoPi;
@@ -35,7 +35,8 @@ Route::Route(const std::string& name) {
     // Half a lap: a long side, a turn, a short side, a turn.
     const bool large = name == "rectangle";
     length_m_ = large ? 598 : 90;
-    const double turn_m = large ? 26 : 17;  // tightest radius: this over pi
+    const double turn_m =
+        large ? 26 : 17;  // arc length of a turn; its tightest radius is this / pi
     const double long_m = large ? 160 : 8;
     const double short_m = 0.5 * length_m_ - 2 * turn_m - long_m;
     const double half_side_m = 0.5 * long_m;  // the start line lies in the middle of a long side
@@ -77,7 +78,7 @@ double Route::curvature(double s_m) const {
   return kTwoPi * rate;
 }
 
-/// Simpson's rule.
+/// Integrates the heading by Simpson's rule.
 Vec3 Route::step(const Vec3& from, double s_m, double length_m) const {
   const SinCos a = sincos_turns(heading_turns(s_m));
   const SinCos b = sincos_turns(heading_turns(s_m + 0.5 * length_m));

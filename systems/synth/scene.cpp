@@ -9,7 +9,7 @@
 namespace slambed::synth {
 namespace {
 
-constexpr int kLightStepTexels = 16;  ///< light varies slowly; it is computed on this grid
+constexpr int kLightStepTexels = 16;  ///< grid of the light, which is interpolated in between
 
 }  // namespace
 
@@ -17,7 +17,7 @@ SE3 Body::pose(double time_s) const {
   if (!moving) return {};
   if (motion) return motion->at(time_s);
   const SinCos a = sincos_turns(time_s / period_s + phase);
-  // Faces the way it walks: the tangent of the ellipse.
+  // The body faces along the tangent of the ellipse.
   Vec3 ahead(-radius_x_m * a.sin, radius_y_m * a.cos, 0);
   ahead /= ahead.norm();
   Eigen::Matrix3d R;
@@ -97,7 +97,7 @@ void Scene::add_cylinder(const Vec3& base_center, double radius, double height,
   }
   const Vec3 up(0, 0, height);
   for (int i = 0; i < sides; ++i) add_face(ring[i], ring[(i + 1) % sides] - ring[i], up, material);
-  // The lid is the square around the circle, cut to the ring.
+  // The lid is the square around the circle, clipped to the ring.
   add_face(base_center + up - radius * Vec3(1, 1, 0), Vec3(2 * radius, 0, 0),
            Vec3(0, 2 * radius, 0), material);
   for (Vec3& corner : ring) corner += up;
@@ -137,7 +137,7 @@ void Scene::end_body() {
   Body& body = bodies_.back();
   body.last_face = static_cast<int>(faces_.size());
   in_body_ = false;
-  if (body.moving && !body.motion) return;  // the figures of rooms are always near
+  if (body.moving && !body.motion) return;  // box figures in rooms are always near: never culled
   Vec3 low = Vec3::Constant(1e9), high = Vec3::Constant(-1e9);
   for (int i = body.first_face; i < body.last_face; ++i)
     for (const Vec3& corner : faces_[i].corners) {

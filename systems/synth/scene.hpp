@@ -17,7 +17,7 @@ namespace slambed::synth {
 
 using Vec3 = Eigen::Vector3d;
 
-/// A flat convex polygon, visible from the side that its normal (axis_s x axis_t) points to.
+/// A flat convex polygon, visible only from the side to which its normal (axis_s x axis_t) points.
 struct Face {
   Vec3 origin;          ///< where (s, t) = (0, 0), in the body's frame
   Vec3 axis_s, axis_t;  ///< unit vectors
@@ -25,39 +25,39 @@ struct Face {
   int texture = 0;
 };
 
-/// How a body moves that walks no ellipse: body to world.
+/// A body's own motion, body to world, for bodies that do not walk an ellipse.
 class Motion {
  public:
   virtual ~Motion() = default;
   virtual SE3 at(double time_s) const = 0;
 };
 
-/// A rigid group of faces. Static things are one body at rest, or several, each drawn only where
-/// and while it can be seen; a moving one walks an ellipse or has a motion of its own.
+/// A rigid group of faces, which may be skipped while it is out of sight. A moving body follows its
+/// own motion or walks an ellipse.
 struct Body {
   int first_face = 0, last_face = 0;  ///< [first, last)
   bool moving = false;
-  int figure = 0;  ///< the person that it is a part of, from 1; 0: none that is labeled
+  int figure = 0;  ///< labeled person that it is a part of, from 1; 0: none
   std::shared_ptr<const Motion> motion{};
-  double from_s = -std::numeric_limits<double>::infinity();  ///< there from here ...
-  double until_s = std::numeric_limits<double>::infinity();  ///< ... to here
-  Vec3 middle = Vec3::Zero();  ///< of a ball around its corners, in the body's frame
-  double reach_m = 0;          ///< radius of that ball; 0: drawn without asking
+  double from_s = -std::numeric_limits<double>::infinity();  ///< it exists in [from_s, until_s)
+  double until_s = std::numeric_limits<double>::infinity();
+  Vec3 middle = Vec3::Zero();  ///< center of its bounding sphere, in the body's frame
+  double reach_m = 0;          ///< radius of that sphere; 0: always drawn
   Vec3 center = Vec3::Zero();
   double radius_x_m = 0, radius_y_m = 0;
   double period_s = 1, phase = 0;  ///< phase in turns
 
-  /// Body to world at a time of the sequence.
+  /// Returns body to world at a time of the sequence.
   SE3 pose(double time_s) const;
 };
 
-/// Axis-aligned box of a piece of furniture, to keep camera paths out of it.
+/// Axis-aligned box around an object, used to keep camera paths clear of it.
 struct Extent {
   Vec3 low, high;
   double distance_m(const Vec3& p) const;
 };
 
-/// Light, baked into the textures: ambient plus lamps below the ceiling, or the sun.
+/// Light that is baked into the textures: ambient plus lamps below the ceiling, or the sun.
 struct Light {
   double ambient = 0.68;
   double lamp_strength = 1.5;
@@ -67,32 +67,34 @@ struct Light {
   double at(const Vec3& p, const Vec3& normal) const;
 };
 
-/// Faces with their textures. Built once, then only read; rendering threads share it.
+/// Faces with their textures. It is built once and then read-only, so rendering threads share it.
 class Scene {
  public:
-  /// A box turned by yaw (degrees) about the vertical through the middle of its base.
+  /// Adds a box rotated by yaw_deg about the vertical axis through the middle of its base.
   void add_box(const Vec3& base_center, const Vec3& size, const Material& material,
                double yaw_deg = 0);
-  /// Faces pointing inwards: floor, ceiling, four walls.
+  /// Adds floor, ceiling and four walls that face inwards.
   void add_room(const Vec3& half, double height, const Material& floor, const Material& wall,
                 const Material& ceiling);
-  /// A vertical prism of many sides.
+  /// Adds a vertical prism of `sides` sides with a lid and without a bottom.
   void add_cylinder(const Vec3& base_center, double radius, double height, const Material& material,
                     int sides = 12);
-  /// A flat convex polygon with corners counter-clockwise as seen; the first edge is along s.
+  /// Adds a flat convex polygon. Its corners are counter-clockwise as seen; the first edge is along
+  /// s.
   void add_polygon(std::span<const Vec3> corners, const Material& material);
-  /// Faces added from now on until end_body belong to one moving body.
+  /// Starts a moving body, which gets all faces added before end_body().
   void begin_body(const Body& motion);
-  /// The same at rest, skipped where its ball is out of sight and outside of its times.
+  /// Starts a static body that is skipped outside of [from_s, until_s) and while its bounding
+  /// sphere is out of sight.
   void begin_group(double from_s = -std::numeric_limits<double>::infinity(),
                    double until_s = std::numeric_limits<double>::infinity());
   void end_body();
   /// Paints all textures; the result does not depend on the number of threads.
   void finish(const Light& light, std::uint64_t seed, int threads);
 
-  /// Leaves nothing out for being out of sight: for tests.
+  /// Turns culling by bounding spheres off, for tests.
   void draw_everything();
-  /// Gray where nothing is.
+  /// Sets the gray level of pixels without a surface.
   void set_background(float gray) { background_ = gray; }
   float background() const { return background_; }
 

@@ -8,18 +8,17 @@
 namespace slambed::synth {
 namespace {
 
-/// Samples per pixel of a still picture, and at most; blur is sampled about every pixel of motion.
+/// Samples per pixel of a still picture. Motion blur gets about one per pixel of motion.
 constexpr int kMinSamples = 3;
-/// Rows of a rolling shutter are drawn in so many bands, each from one place.
+/// Bands of rows of a rolling shutter, each rendered from one pose.
 constexpr int kBands = 16;
 /// Gray of a covered lens.
 constexpr float kBlackLevel = 3;
-/// Depth jumps by this share of the depth count as an edge, where a structured-light sensor is
-/// blind.
+/// Relative depth jump that counts as an edge, where a structured-light sensor gives no depth.
 constexpr float kEdgeJump = 0.08f;
-/// Cosine of the steepest slant that still gives depth.
+/// Limit of the slant that still gives depth: about the cosine of the steepest angle.
 constexpr float kSlantLimit = 0.09f;
-/// Side of the patches in which depth is lost, pixels.
+/// Side of the patches without depth, in pixels.
 constexpr int kPatch = 16;
 
 std::uint32_t pixel_hash(std::uint64_t frame_seed, std::size_t i) {
@@ -29,7 +28,7 @@ std::uint32_t pixel_hash(std::uint64_t frame_seed, std::size_t i) {
   return x ^ (x >> 16) ^ static_cast<std::uint32_t>(frame_seed >> 32);
 }
 
-/// The optics: a slight blur with [1 6 1]/8 in both directions.
+/// Imitates the optics by a slight blur with [1 6 1]/8 in both directions.
 void soften(std::vector<float>& image, int width, int height) {
   const auto mix3 = [](float a, float b, float c) { return 0.75f * b + 0.125f * (a + c); };
   std::vector<float> line(image.begin(), image.begin() + width);  // the row above, unchanged
@@ -96,13 +95,13 @@ int SensorModel::samples_for(const CameraPath& path, double time_s) const {
   if (options_.motion_blur_s <= 0) return kMinSamples;
   const SE3 a = path.at(time_s - 0.5 * options_.motion_blur_s);
   const SE3 b = path.at(time_s + 0.5 * options_.motion_blur_s);
-  // How far something near ahead moves in the picture: turning, and walking sideways.
+  // Image motion of a point nearest_m ahead, from rotation and translation.
   const double turn = (a.R.col(2) - b.R.col(2)).norm() + (a.t - b.t).norm() / options_.nearest_m;
   const auto wanted = static_cast<int>(std::ceil(turn * renderer_.camera().fx));
   return std::clamp(wanted, kMinSamples, options_.most_samples);
 }
 
-/// One sample per pixel; with a rolling shutter the time is that of the middle row.
+/// Adds one sample per pixel. With a rolling shutter, time_s is that of the middle row.
 void SensorModel::expose_sample(const CameraPath& path, double time_s, double baseline_m,
                                 double across, double down) {
   const int height = renderer_.camera().height;
@@ -126,7 +125,7 @@ std::vector<std::uint8_t> SensorModel::expose(const CameraPath& path, int frame,
   std::fill(sum_.begin(), sum_.end(), covered(time_s) ? kBlackLevel : 0.0f);
   if (!covered(time_s)) {
     for (int i = 0; i < samples; ++i) {
-      // Times evenly over the exposure; offsets inside the pixel from a low-discrepancy lattice.
+      // Times are even over the exposure; offsets in the pixel form a low-discrepancy lattice.
       const double at = (i + 0.5) / samples;
       const double across = at - 0.5, down = 0.618034 * (i + 0.5);
       const double t = time_s + options_.motion_blur_s * (at - 0.5);
@@ -173,7 +172,7 @@ std::vector<std::uint16_t> SensorModel::measure_depth(int frame) const {
         if (jump > kEdgeJump * z) continue;
         // Across one pixel a surface at slant angle a changes depth by z tan(a) / f.
         if (jump * static_cast<float>(camera.fx) * kSlantLimit > z) continue;
-        // Patches drift slowly: the same place stays lost for several frames.
+        // Patches change every 8 frames, so a place stays lost for several frames.
         const std::uint64_t patch = mix(options_.seed + static_cast<std::uint64_t>(frame / 8));
         if (pixel_hash(patch, static_cast<std::size_t>(y / kPatch) * 4096 + x / kPatch) < lost)
           continue;

@@ -11,10 +11,10 @@
 
 namespace slambed::synth {
 
-/// What a real sensor does to the ideal picture.
+/// Deviations of a real sensor from the ideal picture.
 struct SensorOptions {
   std::uint64_t seed = 1;
-  double motion_blur_s = 0;  ///< exposure time; the time stamp is its middle
+  double motion_blur_s = 0;  ///< exposure time; the timestamp is its middle
   double noise = 0;          ///< standard deviation, gray levels
   double depth_noise = 0;    ///< 1: a Kinect's axial noise (Nguyen, Izadi, Lovell 2012)
   double depth_holes =
@@ -25,28 +25,29 @@ struct SensorOptions {
   double blackout_start_s = 0, blackout_end_s = 0;  ///< lens covered in [start, end)
   CameraFlaws flaws{};
   LapChange laps{};
-  double nearest_m = 1.5;  ///< what blur is sampled for; the street is farther away than tables
+  double nearest_m = 1.5;  ///< distance of the scene that sets the number of blur samples
   int most_samples = 12;   ///< per pixel
 };
 
-/// One frame as recorded; depth or right is empty, as asked for.
+/// One recorded frame. Depth and right are empty unless requested.
 struct Shot {
   std::vector<std::uint8_t> gray, right;
   std::vector<std::uint16_t> depth;
 };
 
-/// Takes pictures along a path. One per thread: it owns a renderer and scratch memory.
+/// Takes pictures along a path. It owns a renderer and scratch memory, so every thread needs its
+/// own.
 class SensorModel {
  public:
   SensorModel(std::shared_ptr<const Scene> scene, const Camera& camera, SensorOptions options);
 
-  /// Gray and depth of the frame with this number and time (mid-exposure).
+  /// Takes gray and depth; time_s is mid-exposure.
   Shot capture_rgbd(const CameraPath& path, int frame, double time_s);
-  /// Left and right gray of a rectified pair.
+  /// Takes left and right gray of a rectified pair.
   Shot capture_stereo(const CameraPath& path, int frame, double time_s);
-  /// Gray alone.
+  /// Takes gray only.
   Shot capture_mono(const CameraPath& path, int frame, double time_s);
-  /// The truth about the people in the picture; nobody while the lens is covered.
+  /// Returns the true labels of the people in the picture; none while the lens is covered.
   std::vector<PersonLabel> label(const CameraPath& path, std::span<const Figure> cast,
                                  double time_s);
 

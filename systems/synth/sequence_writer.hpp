@@ -13,7 +13,7 @@
 
 namespace slambed::synth {
 
-/// Header of a prepared sequence (docs/formats.md, "Prepared sequence").
+/// Header of a prepared sequence (docs/reference/sequence.md).
 struct SequenceHeader {
   std::string id, title;
   std::string sensor;  ///< "rgbd", "stereo" or "mono"
@@ -24,7 +24,7 @@ struct SequenceHeader {
   double time_origin_s = 0;
 };
 
-/// The planes of one frame in file order, and their CRC; made by the rendering threads.
+/// The planes of one frame in file order and their CRC; rendering threads fill it.
 struct FrameBlock {
   std::vector<std::uint8_t> bytes;
   std::uint32_t crc32 = 0;
@@ -33,8 +33,8 @@ struct FrameBlock {
   void seal();
 };
 
-/// Writes a prepared sequence into a hidden sibling folder and renames it when complete; an
-/// unfinished one is removed.
+/// Writes a prepared sequence into a hidden sibling folder and renames it when it is complete. The
+/// destructor removes an unfinished one.
 class SequenceWriter {
  public:
   SequenceWriter(std::filesystem::path folder, SequenceHeader header);
@@ -42,11 +42,11 @@ class SequenceWriter {
   SequenceWriter(const SequenceWriter&) = delete;
   SequenceWriter& operator=(const SequenceWriter&) = delete;
 
-  /// Frames come in order; T_wc is the true pose.
+  /// Adds the next frame; T_wc is the true pose.
   void add(std::int64_t timestamp_ns, const FrameBlock& block, const SE3& T_wc);
-  /// A further file of the folder; its SHA-256 is to be in `source`.
+  /// Adds another file to the folder. The caller must put its SHA-256 into `source`.
   void add_file(const std::string& name, const std::string& content);
-  /// source: what `source` in sequence.json shall say.
+  /// Completes the folder. source: value of `source` in sequence.json.
   void finish(const nlohmann::json& source);
 
  private:

@@ -8,7 +8,7 @@
 namespace slambed::synth {
 namespace {
 
-/// About the axis to the left: what hangs down swings ahead, what stands up leans back.
+/// Rotation about the y axis (left): a hanging limb swings forward, an upright part leans back.
 Eigen::Matrix3d swing(double degrees) {
   const SinCos a = sincos_deg(degrees);
   Eigen::Matrix3d R;
@@ -16,7 +16,7 @@ Eigen::Matrix3d swing(double degrees) {
   return R;
 }
 
-/// About the axis ahead: what hangs down goes to the left.
+/// Rotation about the x axis (ahead): a hanging limb moves to the left.
 Eigen::Matrix3d sideways(double degrees) {
   const SinCos a = sincos_deg(degrees);
   Eigen::Matrix3d R;
@@ -53,7 +53,7 @@ PartPoses place_parts(const Build& b, const Stance& s) {
                                                 Vec3(0, sign * b.half_hips_m(), 0));
     parts[kShin + side] =
         parts[kThigh + side] * SE3(swing(-leg.bend_deg), Vec3(0, 0, -b.thigh_m()));
-    // The sole stays about level.
+    // Keeps the sole about level.
     parts[kFoot + side] = parts[kShin + side] *
                           SE3(swing(0.7 * (leg.bend_deg - leg.swing_deg)), Vec3(0, 0, -b.shin_m()));
   }

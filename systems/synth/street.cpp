@@ -10,18 +10,18 @@
 namespace slambed::synth {
 namespace {
 
-// Across the street, meters to the left of the driven lane's middle; traffic keeps right.
+// Lateral positions, in meters to the left of the driven lane's middle; traffic keeps right.
 constexpr double kCenterLine_m = 1.75, kOncoming_m = 3.5;
 constexpr double kRightCurb_m = -3.85, kLeftCurb_m = 7.35, kCurbHeight_m = 0.12;
 constexpr double kRightHouses_m = -6.35, kLeftHouses_m = 9.85;
 constexpr double kRightParking_m = -2.85, kLeftParking_m = 6.3;
 constexpr double kPiece_m = 3;                 ///< length of a piece of road
 constexpr double kHouseClearance_m = 5.8;      ///< of any house from the middle of the driven lane
-constexpr double kNoParking_per_m = 1.0 / 16;  ///< where the street bends more
+constexpr double kNoParking_per_m = 1.0 / 16;  ///< largest curvature with parked cars
 constexpr double kOpenStretch_m = 30;
 constexpr float kSky = 215;
 
-/// Drives along the other lane, against us.
+/// Drives along the other lane in the opposite direction.
 class OncomingCar final : public Motion {
  public:
   OncomingCar(std::shared_ptr<const Drive> drive, double start_m, double speed_m_s)
@@ -39,7 +39,7 @@ class OncomingCar final : public Motion {
   double start_m_, speed_m_s_;
 };
 
-/// Every piece has its own random stream, and no two draws stand in one argument list.
+/// Builds the street with one random stream per piece; no argument list has two random draws.
 class StreetBuilder {
  public:
   StreetBuilder(const StreetOptions& options, std::shared_ptr<const Drive> drive)
@@ -91,7 +91,7 @@ class StreetBuilder {
     return p;
   }
 
-  /// Far and coarse, below everything else.
+  /// Adds a coarse ground plane below everything else.
   void add_ground() {
     Vec3 low = Vec3::Constant(1e9), high = Vec3::Constant(-1e9);
     for (double s = 0; s < route_.length_m(); s += 5) {
@@ -133,7 +133,8 @@ class StreetBuilder {
     scene_->end_body();
   }
 
-  /// Footprint from the middle of its front, `inwards` pointing away from the street.
+  /// Returns whether a footprint keeps its distance from the route. front: middle of its front
+  /// edge; inwards: away from the street.
   bool keeps_clear(const Vec3& front, const Vec3& along, const Vec3& inwards, double width,
                    double depth, double clearance_m) const {
     for (const double a : {-0.5, -0.25, 0.0, 0.25, 0.5})
@@ -179,7 +180,7 @@ class StreetBuilder {
     }
   }
 
-  /// What is seen through gaps, so that no street ends in the sky everywhere.
+  /// Adds distant houses, which are seen through gaps instead of the sky.
   void add_backdrop(bool right) {
     for (double s = 0; s < route_.length_m();) {
       Random random = stream();
@@ -248,7 +249,7 @@ class StreetBuilder {
   const Route& route_;
   std::shared_ptr<Scene> scene_;
   Roadside things_;
-  std::vector<double> open_;  ///< where each begins
+  std::vector<double> open_;  ///< where each open stretch begins
   std::uint64_t pieces_ = 0;
 };
 

@@ -9,18 +9,18 @@
 
 namespace slambed::synth {
 
-/// The street along a drive, by daylight: marked and cracked road, curbs, houses with windows and
-/// side streets between them, parked cars, trees, poles, plain sky.
+/// The street along a drive by daylight: marked and cracked road, curbs, houses with windows, side
+/// streets, parked cars, trees, poles, and a plain sky.
 struct StreetOptions {
   std::uint64_t seed = 1;
-  int passing_cars = 0;    ///< that come the other way, spread over the route
-  int open_stretches = 0;  ///< of 30 m with nothing near the road
-  double texel_scale = 1;  ///< larger: coarser textures, quicker to build
-  int threads = 1;         ///< only for speed
+  int passing_cars = 0;    ///< oncoming cars, spread over the route
+  int open_stretches = 0;  ///< stretches of 30 m with nothing near the road
+  double texel_scale = 1;  ///< larger: coarser textures, faster to build
+  int threads = 1;         ///< does not change the result
 };
 
-/// A fifth of the parked cars are others in the second lap; each is changed once the first lap has
-/// left it behind.
+/// Builds the street. A fifth of the parked cars change between the laps: each is replaced or
+/// removed after the car has passed it in lap 1.
 std::shared_ptr<const Scene> make_street(const StreetOptions& options,
                                          std::shared_ptr<const Drive> drive);
 

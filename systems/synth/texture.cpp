@@ -32,7 +32,7 @@ void Texture::finish() {
     const int half_w = (w + 1) / 2, half_h = (h + 1) / 2;
     std::vector<std::uint8_t> mip(static_cast<std::size_t>(half_w + 1) * (half_h + 1));
     for (int y = 0; y < half_h; ++y) {
-      // With an odd size the repeated border is the missing neighbor.
+      // With an odd size the repeated border replaces the missing neighbor.
       const std::uint8_t* a = above.data + 2 * y * above.stride;
       const std::uint8_t* b = a + above.stride;
       for (int x = 0; x < half_w; ++x)

@@ -7,10 +7,10 @@
 namespace slambed::synth {
 
 /// Gray texture of one flat face with its mip levels. Texel (i, j) of level 0 covers
-/// [i, i+1) x [j, j+1) texels from the face's (s, t) origin.
+/// [i, i+1) x [j, j+1), in texels from the face's (s, t) origin.
 class Texture {
  public:
-  /// One mip level. The last row and column are repeated once, so that bilinear reads need no
+  /// One mip level. The last row and column are repeated once, so bilinear reads need no bounds
   /// check.
   struct Level {
     const std::uint8_t* data = nullptr;

@@ -9,13 +9,13 @@
 
 namespace slambed::synth {
 
-/// How the texture position (texels) moves per pixel to the right and down.
+/// Derivatives of the texture position, in texels per pixel to the right (dx) and down (dy).
 struct Footprint {
   float s_dx, t_dx, s_dy, t_dy;
 };
 
-/// Reads a texture so that nothing finer than the pixel grid is left to alias: trilinear in the mip
-/// levels, with up to four probes along the longer axis of a slanted footprint.
+/// Reads a texture without aliasing: trilinear in the mip levels, with up to four probes along the
+/// longer axis of a slanted footprint.
 class TextureFilter {
  public:
   explicit TextureFilter(const Texture& texture)
@@ -43,7 +43,7 @@ class TextureFilter {
   }
 
  private:
-  /// Exact at powers of two, linear between them.
+  /// Approximate log2: exact at powers of two, linear between them.
   static float log2_about(float x) {
     const auto bits = std::bit_cast<std::uint32_t>(x);
     return static_cast<float>(static_cast<std::int32_t>(bits) - 0x3f800000) * (1.0f / 8388608);

@@ -1,2 +1,2 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Cost models of devices: fitted to measured stages, or scaled to what a paper prints."""
+"""Cost models of devices: fitted to measured stages, or scaled to a paper's times."""

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What `slambed calibrate` does, by its options, and the tables that it shows."""
+"""The actions of `slambed calibrate`, one per option, and their tables."""
 
 import os
 from pathlib import Path
@@ -27,7 +27,7 @@ from slambed.terminal import console
 
 
 def calibrate_host() -> None:
-    """`--host`."""
+    """Executes `--host`."""
     from slambed.calibrate.host import REFERENCE_UNITS_PER_S, host_cpus, measure_host
 
     measured = measure_host()
@@ -58,7 +58,7 @@ def calibrate_host() -> None:
 
 
 def check_limits(name: str, engine: str | None, seconds: float) -> None:
-    """`--limits`."""
+    """Executes `--limits`."""
     from slambed.calibrate.limits import engines, limits_table, measure_limits, quiet_host
 
     if engine not in (None, "docker", "local"):
@@ -77,7 +77,7 @@ def check_limits(name: str, engine: str | None, seconds: float) -> None:
 
 
 def fit_host(stages: list[Path], output: Path | None, cores: int | None) -> None:
-    """`--stages`."""
+    """Executes `--stages`."""
     fits = fit_stages(stages_of(stages))
     if not fits:
         raise SlambedError("no stage was measured often enough; give longer or more runs")
@@ -92,7 +92,7 @@ def fit_host(stages: list[Path], output: Path | None, cores: int | None) -> None
 
 
 def match_paper(name: str, jobs: int | None, check: bool) -> None:
-    """`--match`, `--check`."""
+    """Executes `--match`, with or without `--check`."""
     library = Library()
     source = load_yaml(library.root / "catalog" / "devices" / "fits" / f"{name}.yaml")
     targets = parse(Targets, source)
@@ -125,7 +125,7 @@ def match_paper(name: str, jobs: int | None, check: bool) -> None:
     for number in range(targets.rounds):
         fit.round(setting)
         typer.echo(f"round {number + 1} of {targets.rounds}: {worst_line(fit)}")
-    # What is written is what was simulated last: the table below belongs to it.
+    # Simulates once more, so that the table below belongs to the models written.
     fit.look_again(setting)
     _print(match_table(fit))
     for role, fitted in targets.devices.items():
@@ -138,14 +138,13 @@ def match_paper(name: str, jobs: int | None, check: bool) -> None:
 
 
 def worst_line(fit: Fit) -> str:
-    """The component that is farthest from its printed mean."""
+    """Returns a line about the component that is farthest from its printed mean."""
     errors = {key: abs(fit.error_percent(*key)) for key in fit.seen}
     (component, condition), error = max(errors.items(), key=lambda item: item[1])
     return f"largest error {error:.0f} % ({component}, {condition})"
 
 
 def match_table(fit: Fit) -> Table:
-    """Printed against simulated."""
     table = Table("component", "condition", "printed ms", "simulated ms", "error %", box=None)
     for component in fit.targets.components:
         for condition, mean in component.mean_ms.items():
@@ -166,7 +165,7 @@ def _print(table: Table) -> None:
 
 
 def fit_table(fits: list[StageFit]) -> Table:
-    """Residuals by stage."""
+    """Returns the fit and residuals of every stage."""
     columns = ["stage", "n", "mean us", "a us", "b us", "c us", "jitter"]
     table = Table(*columns, "mean %", "median %", "p95 %", box=None)
     for fit in fits:

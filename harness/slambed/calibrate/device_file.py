@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Writes a cost model into a device file and leaves everything else in it as it is."""
+"""Writes a cost model into a device file and leaves everything else unchanged."""
 
 import io
 from collections.abc import Mapping
@@ -15,14 +15,14 @@ from slambed.spec.device import CostModel, StageCost
 
 MODEL = "model"
 WIDTH = 100_000
-"""Of lines that are broken by nobody but whoever wrote them."""
+"""Line width that never wraps, so that existing line breaks stay."""
 
 
 def write_model(path: Path, model: CostModel, comments: Mapping[str, str], title: str) -> None:
-    """Replaces the model of a device file, or makes a new file with this model.
+    """Replaces the model of a device file, or creates a file with this model.
 
-    A stage's comment follows its line, that of '' heads the model. Stages that the new model does
-    not name (closing a loop is rare) keep the cost they had, and whatever somebody noted there.
+    A stage's comment follows its line; the comment of '' precedes the model. Stages that the new
+    model does not name (loop closing is rare) keep their cost and comments.
     """
     fresh = f"# SPDX-License-Identifier: Apache-2.0\nname: {path.stem}\nlimits: {{}}\n"
     yaml = _round_trip()
@@ -64,7 +64,7 @@ def _round_trip() -> YAML:
 
 
 def _cost(cost: StageCost) -> dict[str, Any]:
-    """What is not left at its default, and a_us always."""
+    """Returns a_us, and all values that are not 0 or empty."""
     return {
         key: value if isinstance(value, str) else _number(value)
         for key, value in cost.model_dump().items()
@@ -73,7 +73,7 @@ def _cost(cost: StageCost) -> dict[str, Any]:
 
 
 def _number(value: float) -> int | float:
-    """Six digits, as fits are no better; whole numbers without a point."""
+    """Rounds to six digits, because fits are no better; integers have no decimal point."""
     short = float(f"{value:g}")
     return int(short) if short.is_integer() else short
 
@@ -85,8 +85,8 @@ def _in_line(content: dict[str, Any]) -> CommentedMap:
 
 
 def _note(stages: CommentedMap, name: str, comment: str) -> None:
-    """Replaces what is noted in the line of a stage; the lines below it, which belong to the same
-    comment in the tree, stay."""
+    """Replaces the comment in the line of a stage. Comment lines below it, which the tree stores in
+    the same comment, stay."""
     old = stages.ca.items.pop(name, None)
     below = old[2].value.partition("\n")[2] if old and old[2] else ""
     if comment or below:
@@ -95,8 +95,8 @@ def _note(stages: CommentedMap, name: str, comment: str) -> None:
 
 
 def _without_head(text: str) -> str:
-    """Without the comment directly before the model, which says where the old one came from; to a
-    YAML tree it belongs to whatever stands before it."""
+    """Removes the comment before the model, which names the old one's origin; a YAML tree would
+    attach it to the preceding key."""
     kept: list[str] = []
     for line in text.splitlines():
         if line.startswith(f"{MODEL}:"):

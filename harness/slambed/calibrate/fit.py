@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Fits what a stage costs, a + b*n1 + c*n2, to the CPU times that live runs measured."""
+"""Fits the cost of a stage, a + b*n1 + c*n2, to the CPU times of live runs."""
 
 from dataclasses import dataclass
 
@@ -13,34 +13,34 @@ from slambed.spec.device import StageCost
 Values = NDArray[np.float64]
 
 LEAST_COUNT = 5
-"""A stage seen less often cannot be fitted."""
+"""Fewest executions of a stage for a fit."""
 LEAST_US = 1.0
-"""Below the clock's own cost: such times carry no information about their ratio."""
+"""Times below this are dominated by the clock's own cost and are left out."""
 ROUNDS = 3
-"""Of reweighting: the spread of a time is proportional to the time."""
+"""Rounds of reweighting, because the spread of a time is proportional to the time."""
 DIGITS = 4
 MAD_TO_SD = 1.4826
-"""Of a normal distribution."""
+"""For a normal distribution."""
 
 
 @dataclass(frozen=True)
 class StageFit:
-    """A fitted stage and how well it fits."""
+    """A fitted stage and its residuals."""
 
     name: str
     cost: StageCost
     count: int
     mean_us: float
-    """Of the measured times."""
+    """Mean of the measured times."""
     mean_error_percent: float
-    """Mean predicted with its jitter against mean measured."""
+    """Predicted mean (with jitter) relative to the measured mean."""
     median_error_percent: float
     p95_error_percent: float
-    """Relative residuals, measured against the fit without jitter."""
+    """95 % quantile of the absolute relative residuals, measured against the fit without jitter."""
 
 
 def fit_stages(stages: pd.DataFrame) -> list[StageFit]:
-    """Fits every stage of a table with the columns name, n1, n2, cpu_ms, in order of names."""
+    """Fits every stage of a table with the columns name, n1, n2, cpu_ms, sorted by name."""
     fits = []
     for name, group in stages.dropna(subset=["cpu_ms"]).groupby("name", sort=True):
         measured = group[group["cpu_ms"] * 1e3 >= LEAST_US]
@@ -57,13 +57,13 @@ def fit_stages(stages: pd.DataFrame) -> list[StageFit]:
 
 
 def fit_stage(name: str, n1: Values, n2: Values, measured_us: Values) -> StageFit:
-    """Non-negative least squares on relative residuals.
+    """Fits a stage by non-negative least squares on relative residuals.
 
-    The charged time is the fit times a log-normal factor of median 1. Its spread is that of the
-    log residuals, and the fit is scaled so that the mean charged is the mean measured: a device's
+    The charged time is the fit times a log-normal factor of median 1, whose spread is that of the
+    log residuals. The fit is scaled so that the mean charged equals the mean measured: a device's
     load is a sum of times, not of medians.
     """
-    # A size that never changes cannot be distinguished from a fixed time, which it then is.
+    # A constant n2 cannot be distinguished from a fixed time, so it counts as one.
     columns = np.column_stack([np.ones_like(n1), n1, n2 if np.ptp(n2) > 0 else 0 * n2])
     predicted = np.full_like(measured_us, measured_us.mean())
     solution = np.zeros(columns.shape[1])
@@ -94,11 +94,11 @@ def fit_stage(name: str, n1: Values, n2: Values, measured_us: Values) -> StageFi
 
 
 def _spread(residuals: Values) -> float:
-    """Standard deviation by the median absolute deviation: a run's first keyframe, which finds
-    nothing to do and takes a thousandth of the usual time, must not count."""
+    """Returns the standard deviation from the median absolute deviation, so that outliers do not
+    count: a run's first keyframe finds nothing to do and takes a thousandth of the usual time."""
     return float(MAD_TO_SD * np.median(np.abs(residuals - np.median(residuals))))
 
 
 def _short(value: float) -> float:
-    """Four digits: more are noise, and a file is read by people."""
+    """Rounds to four digits: more are noise and hard to read."""
     return float(f"{value:.{DIGITS}g}")

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""`slambed calibrate --limits DEVICE`: what busy threads really get under a device's limits."""
+"""`slambed calibrate --limits DEVICE`: measures what busy threads get under a device's limits."""
 
 import json
 import tempfile
@@ -28,14 +28,14 @@ from slambed.spec.device import Device, Limits
 from slambed.spec.host_speed import HostSpeed
 
 SETTLE_S = 1.5
-"""Threads are found and capped meanwhile; the first of them are busy already."""
+"""Time in which threads are found and capped; the first ones are busy already."""
 GRACE_S = 30.0
 REFERENCE_S = 1.0
 
 
 @dataclass(frozen=True)
 class Achieved:
-    """What some busy threads got together, in cores of this host."""
+    """What busy threads got in total, in cores of this host."""
 
     engine: str
     threads: int
@@ -43,23 +43,23 @@ class Achieved:
     cpu: float
     """CPU time per wall time."""
     speed: float
-    """Work done per wall time, relative to an unlimited thread of this host measured just before
-    and after. Noisier than `cpu`: the host's own speed changes."""
+    """Work per wall time, relative to an unlimited thread of this host measured right before and
+    after. Noisier than `cpu`, because the host's own speed changes."""
     longest_freeze_ms: float
     """Longest time in which a thread made no progress."""
     freezes_over_10_ms: int
     metronome: float | None
-    """CPU it took, in percent of a core; None without one."""
+    """CPU use of the metronome in percent of a core; None without one."""
     problems: list[str]
 
     @property
     def error_percent(self) -> float:
-        """CPU time against asked."""
+        """Returns the error of CPU time relative to the request."""
         return 100 * (self.cpu / self.asked - 1)
 
 
 def engines(asked: str | None) -> list[Engine]:
-    """The engines to look at: one, or all that this host has."""
+    """Returns the requested engine, or all that this host has."""
     if asked == "local":
         return [LocalEngine(find_program(PROGRAM))]
     if asked == "docker":
@@ -83,7 +83,7 @@ def _docker() -> Engine:
 
 @contextmanager
 def quiet_host() -> Iterator[None]:
-    """No campaign runs meanwhile."""
+    """Holds the host lock, so that no campaign runs."""
     with host_lock("slambed calibrate --limits", advice=STOP):
         mark_children()
         reap()
@@ -93,7 +93,7 @@ def quiet_host() -> Iterator[None]:
 def measure_limits(
     device: Device, host: HostSpeed, engine: Engine, threads: int, seconds: float
 ) -> Achieved:
-    """So many busy threads as the mobile node of an engine."""
+    """Measures `threads` busy threads as the mobile node of an engine."""
     limits = device.limits_on(host.speed, len(host_cpus()))
     if limits.quota_cores is None:
         raise SlambedError(f"device {device.name} has no CPU limits to look at")
@@ -137,7 +137,7 @@ def measure_limits(
 
 
 def expected_cores(limits: Limits, threads: int) -> float:
-    """What so many busy threads should get."""
+    """Returns the cores that `threads` busy threads should get."""
     assert limits.quota_cores is not None
     if limits.thread_cores is None:
         return min(limits.quota_cores, float(threads))
@@ -145,7 +145,6 @@ def expected_cores(limits: Limits, threads: int) -> float:
 
 
 def limits_table(rows: list[Achieved]) -> Table:
-    """Asked against achieved."""
     columns = ["engine", "busy threads", "asked cores", "CPU cores", "error %", "work, cores"]
     freezes = ["longest freeze ms", "freezes > 10 ms", "metronome %"]
     table = Table(*columns, *freezes, box=None)

@@ -1,11 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Finds cost models with which virtual runs show the component times that a paper prints.
+"""Finds cost models with which virtual runs reproduce the component times that a paper prints.
 
-A component's mean is alpha * h + beta * r + w: h what its stages cost on the device it is scaled
-from, r how often its stage with a fixed time occurs, w what it waits besides. That stage's own part
-independent of sizes is not in h: beta takes its place, and may be smaller or larger. One round of
-runs gives h, r and w for every condition; alpha and beta follow. As all depend on the costs, a few
-rounds are made.
+A component's mean is alpha * h + beta * r + w. h is what its stages cost on the base device, r how
+often its stage with a fixed time occurs, w its other waiting time. The size-independent part of
+that stage is not in h: beta replaces it, and may be smaller or larger. One round of runs gives h, r
+and w for every condition; alpha and beta follow. All depend on the costs, so this takes a few
+rounds.
 """
 
 import tempfile
@@ -38,14 +38,15 @@ Values = NDArray[np.float64]
 
 LARGEST_JITTER = 1.0
 JITTER_GAIN = 0.7
-"""Of the step towards the printed spread: other causes of spread shrink or grow with it."""
+"""Fraction of each step towards the printed spread, because other causes of spread change with
+it."""
 START_JITTER = 0.1
 
 
 @dataclass
 class Scale:
-    """What was found for a component: its stages cost alpha times what they do on the base device,
-    but the stage `fixed_on` has beta in place of the part that does not depend on sizes."""
+    """Scale of a component: its stages cost alpha times their cost on the base device, but the
+    size-independent part of stage `fixed_on` is beta."""
 
     alpha: float
     beta_us: float = 0.0
@@ -63,7 +64,7 @@ class Played:
 
 @dataclass(frozen=True)
 class Setting:
-    """Where the runs of a fit happen."""
+    """What the runs of a fit need."""
 
     sequences: Mapping[str, Played]
     """By dataset."""
@@ -72,7 +73,7 @@ class Setting:
     software: str
     jobs: int
     masks: Mapping[tuple[str, MasksAsked], Masks]
-    """(dataset, what is asked for) -> masks, where a condition segments."""
+    """Maps (dataset, requested masks) to masks, for conditions that segment."""
 
 
 class Fit:
@@ -93,10 +94,10 @@ class Fit:
         self._demand_stages()
         self.scales = {c.name: Scale(targets.devices[c.node].factor) for c in targets.components}
         self.seen: dict[tuple[str, str], Seen] = {}
-        """(component, condition) as the last round showed it."""
+        """Maps (component, condition) to the result of the last round."""
 
     def _demand_stages(self) -> None:
-        """Error for a component with a stage whose cost nobody wrote: there is nothing to scale."""
+        """Raises SlambedError for a component with a stage that has no cost to scale."""
         for component in self.targets.components:
             device = self._base[component.node]
             stages = device.model.stages if device.model else {}
@@ -119,7 +120,7 @@ class Fit:
         return {name: stages[name] for name in fitted.kept}
 
     def model(self, role: Role) -> CostModel:
-        """The device as found so far."""
+        """Returns the current model of a device."""
         fitted, base = self.targets.devices[role], self._base[role].model
         assert base is not None
         if fitted.given:
@@ -141,19 +142,19 @@ class Fit:
         return base.model_copy(update={"cores": fitted.cores, "stages": stages | self._kept[role]})
 
     def error_percent(self, component: str, condition: str) -> float:
-        """Mean as last seen against the printed one."""
+        """Returns the error of the last simulated mean relative to the printed one."""
         (target,) = (c.mean_ms[condition] for c in self.targets.components if c.name == component)
         return 100 * (self.seen[component, condition].mean / target - 1)
 
     def round(self, setting: Setting) -> None:
-        """Simulates all conditions with the present models, then moves towards the targets."""
+        """Simulates all conditions with the current models, then moves towards the targets."""
         self.look_again(setting)
         for component in self.targets.components:
             if component.stages:
                 self.improve(component.name)
 
     def look_again(self, setting: Setting, as_written: bool = False) -> None:
-        """Simulates all conditions with the present models, or with the device files' own."""
+        """Simulates all conditions with the current models, or with those of the device files."""
         devices = {} if as_written else self._devices()
         for condition, logs in self._simulate(setting, devices).items():
             for component in self.targets.components:
@@ -172,7 +173,7 @@ class Fit:
         busy = np.array([s.busy for s in seen])
         base = np.maximum(busy - beta_ms * rate, 1e-6) / scale.alpha
         waits = np.array([s.mean for s in seen]) - busy
-        # What is left for computing when the waits are off; never less than a tenth of the target.
+        # Computing time is the target without waits, but at least a tenth of the target.
         wanted = np.maximum(target - waits, target / 10)
         most = component.fixed_at_most if component.fixed_on is not None else 0.0
         alpha, beta_ms = solve(base, rate, wanted, most)
@@ -236,7 +237,7 @@ class Fit:
 
 
 def experiment_on(targets: Targets, dataset: str) -> Experiment:
-    """The conditions of a fit that are played on this sequence."""
+    """Returns an experiment with the conditions of a fit on this sequence."""
     return Experiment(
         id="fit",
         title=targets.title,
@@ -253,8 +254,8 @@ def experiment_on(targets: Targets, dataset: str) -> Experiment:
 
 
 def solve(base: Values, rate: Values, wanted: Values, most: float) -> tuple[float, float]:
-    """alpha and beta, neither negative, with the least relative errors of alpha * base + beta *
-    rate against wanted. The share of beta * rate in the mean is at most `most`."""
+    """Returns non-negative alpha and beta with the least relative errors of alpha * base + beta *
+    rate to `wanted`. The share of beta * rate in the mean is at most `most`."""
     ones = np.ones(len(wanted))
     if most > 0:
         (alpha, beta), _ = nnls(np.column_stack([base / wanted, rate / wanted]), ones)
@@ -267,7 +268,7 @@ def solve(base: Values, rate: Values, wanted: Values, most: float) -> tuple[floa
 
 
 class _FittedLibrary(Library):
-    """A checkout whose fitted devices are those of the fit."""
+    """A library with the fitted devices in place of those of the checkout."""
 
     def __init__(self, library: Library, devices: Mapping[str, Device]) -> None:
         super().__init__(library.root)
@@ -280,7 +281,7 @@ class _FittedLibrary(Library):
 def scaled(
     cost: StageCost, alpha: float, jitter: float, fixed_us: float | None = None
 ) -> StageCost:
-    """alpha * cost, to four digits; a fixed time takes the place of what no size changes."""
+    """Returns alpha * cost to four digits; `fixed_us` replaces the size-independent part."""
     return StageCost(
         a_us=_short(cost.a_us * alpha if fixed_us is None else fixed_us),
         b_us=_short(cost.b_us * alpha),

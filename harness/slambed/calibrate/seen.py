@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""How long the components of a fit take in virtual runs."""
+"""Measures how long the components of a fit take in virtual runs."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
@@ -14,18 +14,18 @@ from slambed.metrics.stages import delays
 
 @dataclass(frozen=True)
 class Seen:
-    """A component in the runs of one condition, milliseconds."""
+    """A component in the runs of one condition, in milliseconds."""
 
     mean: float
     sd: float
     busy: float
-    """Charged to its stages, per occurrence."""
+    """Time charged to its stages, per occurrence."""
     fixed: float = 1.0
     """Executions of the stage `fixed_on`, per occurrence."""
 
 
 def look(component: Component, logs: list[EventLog]) -> Seen:
-    """A component over all runs of a condition."""
+    """Measures a component over all runs of a condition. Raises SlambedError if it never occurs."""
     busy = 0.0
     occurrences = fixed = 0
     values: list[float] = []
@@ -45,7 +45,7 @@ def look(component: Component, logs: list[EventLog]) -> Seen:
 
 
 def _per_frame(component: Component, log: EventLog) -> tuple[int, list[float]]:
-    """Time of the stages in each tracked frame."""
+    """Returns the time of the stages in each tracked frame."""
     spent = 0.0
     found: list[float] = []
     for event in log.of("stage", "frame_tracked"):
@@ -60,15 +60,15 @@ def _per_frame(component: Component, log: EventLog) -> tuple[int, list[float]]:
 
 
 def _per_keyframe(component: Component, log: EventLog) -> tuple[int, list[float]]:
-    """Time of the stages in each frame that becomes a keyframe."""
+    """Returns the time of the stages in each frame that becomes a keyframe."""
     found = [spent for spent in _per_frame(component, log)[1] if spent]
     return len(found), found
 
 
 def _per_update(component: Component, log: EventLog) -> tuple[int, list[float]]:
-    """Time of the stages for each update that was taken over, whichever worker did it. A map that a
-    lost frame asked for is another thing: costs decide how many there are, and a fit that counted
-    them went to and fro between many and none."""
+    """Returns the time of the stages for each applied update, over all workers. Maps requested by a
+    lost frame are left out: costs affect how many there are, and a fit that counted them oscillated
+    between many and none."""
     spent = 0.0
     found: list[float] = []
     for event in log.of("stage", "update_applied", "update_declined"):
@@ -84,7 +84,7 @@ def _per_update(component: Component, log: EventLog) -> tuple[int, list[float]]:
 
 
 def _per_attempt(component: Component, log: EventLog) -> tuple[int, list[float]]:
-    """Time of each execution of the stages with a candidate that got as far as a pose."""
+    """Returns the time of each execution of the stages in which a candidate reached a pose."""
     found = [
         float(event["wall_ms"])
         for event in log.stages(component.node, *component.stages)
@@ -94,18 +94,18 @@ def _per_attempt(component: Component, log: EventLog) -> tuple[int, list[float]]
 
 
 def _per_answer(_: Component, log: EventLog) -> tuple[int, list[float]]:
-    """From capture until the frame's pose is on the mobile node, where the edge answers frames."""
+    """Returns the times from capture until the edge's pose is on the mobile node."""
     found = [float(event["latency_ms"]) for event in log.of("frame_answered")]
     return len(found), found
 
 
 def _part(component: Component, log: EventLog) -> tuple[int, list[float]]:
-    """A part of T_Total as applied updates report it; its stages run for all keyframes."""
+    """Returns a part of T_Total as applied updates report it; its stages run for all keyframes."""
     delay = delays(log).get(component.measure)
     if delay is None:
         return 0, []
     executions = len(log.of(*EXECUTED_FOR[component.measure]))
-    # Two values with the same mean and standard deviation as the many.
+    # Two values with the same mean and standard deviation as all values.
     return executions, [delay.mean_ms - delay.std_ms, delay.mean_ms + delay.std_ms]
 
 
@@ -117,7 +117,7 @@ EXECUTED_FOR: Mapping[str, tuple[str, ...]] = {
     "T_PLMU": ("update_sent",),
     "T_MU": ("update_received",),
 }
-"""Events that come once for each execution of a part's stages."""
+"""Events that occur once per execution of a part's stages."""
 MEASURES: Mapping[str, Callable[[Component, EventLog], tuple[int, list[float]]]] = {
     "per_frame": _per_frame,
     "per_keyframe": _per_keyframe,
@@ -126,4 +126,5 @@ MEASURES: Mapping[str, Callable[[Component, EventLog], tuple[int, list[float]]]]
     "per_answer": _per_answer,
 }
 WHOLE = ("per_update", "per_attempt")
-"""Measures that leave executions of their stages out: what is seen is what they cost."""
+"""Measures that leave out some executions of their stages, so the measured times count as the
+cost."""

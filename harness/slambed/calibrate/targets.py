@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""catalog/devices/fits/*.yaml: what a paper prints about devices, and which stages stand for it."""
+"""catalog/devices/fits/*.yaml: the times that a paper prints for devices, and their stages."""
 
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 
@@ -10,50 +10,54 @@ STRICT = ConfigDict(extra="forbid", frozen=True, strict=True, allow_inf_nan=Fals
 
 
 class FittedDevice(BaseModel):
-    """A device whose cost model is to be found, starting from another one."""
+    """A device whose cost model is fitted, starting from another device."""
 
     model_config = STRICT
 
     device: str
+    """Name of the file in catalog/devices/ that the fit writes."""
     like: str = "host"
-    """Its costs are scaled; their dependence on sizes is kept."""
+    """Base device whose costs are scaled; their dependence on sizes is kept."""
     cores: int = Field(default=1, ge=1)
+    """Cores of its cost model."""
     factor: float = Field(default=1.0, gt=0)
-    """For stages that no component is about, and to start with."""
+    """Scale of stages without a component, and initial scale of the others."""
     kept: list[str] = Field(default_factory=list)
-    """Stages whose cost the device file has from elsewhere: neither scaled nor overwritten."""
+    """Stages whose cost in the device file has another source: neither scaled nor overwritten."""
     given: bool = False
-    """The runs need it as its file has it; the fit is not about it and writes nothing."""
+    """True for a device that the runs use unchanged; it is neither fitted nor written."""
 
 
 class Component(BaseModel):
-    """A printed time, and the stages that are scaled until a run shows it."""
+    """A printed time, and the stages that are scaled until runs reproduce it."""
 
     model_config = STRICT
 
     name: str
+    """What reports of the fit call it."""
     source: str
     """Where it is printed, and how we read it."""
     node: Role
+    """Whose device the stages belong to."""
     stages: list[str]
-    """None: the time follows from the others and is only shown."""
+    """Stages that are scaled; if empty, the time follows from the others and is only shown."""
     measure: str = "per_frame"
-    """A part of T_Total (`T_LM`, ...), or the stages' time on the mobile node in a tracked frame
-    (`per_frame`), in one that becomes a keyframe (`per_keyframe`) or in a map update that was taken
-    over and not sent for a lost frame (`per_update`); or the time of each of the stages' executions
-    that got as far as a pose, on either node (`per_attempt`); or that from capturing a frame until
-    the edge's pose of it is there (`per_answer`)."""
+    """A part of T_Total (`T_LM`, ...); or the time of the stages on `node` in a tracked frame
+    (`per_frame`), in a frame that becomes a keyframe (`per_keyframe`) or for an applied map update
+    that no lost frame requested (`per_update`); or the time of each execution of the stages that
+    reached a pose (`per_attempt`); or the time from capture until the edge's pose of the frame
+    arrives (`per_answer`)."""
     along: list[str] = Field(default_factory=list)
-    """Stages that are scaled as these are, and that no printed time is about."""
+    """Stages without a printed time that are scaled like `stages`."""
     fixed_on: str | None = None
-    """Stage whose time independent of sizes is found instead of scaled, where one factor cannot
-    serve all conditions."""
+    """Stage whose size-independent time is fitted instead of scaled, if one factor cannot fit all
+    conditions."""
     fixed_at_most: float = Field(default=1.0, gt=0, le=1)
-    """Largest share of the mean that may be independent of sizes."""
+    """Largest fraction of the mean that may be independent of sizes."""
     mean_ms: dict[str, float]
-    """Condition -> printed mean."""
+    """Maps a condition to the printed mean."""
     sd_ms: dict[str, float] = Field(default_factory=dict)
-    """Condition -> printed standard deviation; sets the jitter of the stages."""
+    """Maps a condition to the printed standard deviation, which sets the jitter of the stages."""
 
     @model_validator(mode="after")
     def _fixed_is_one_of_them(self) -> "Component":
@@ -63,28 +67,38 @@ class Component(BaseModel):
 
 
 class Targets(BaseModel):
-    """One fit: conditions to simulate, devices to find, components to meet."""
+    """One fit: conditions to simulate, devices to fit, component times to reproduce."""
 
     model_config = STRICT
 
     title: str
+    """One line for the fit's report."""
     dataset: str
+    """Sequence that is played."""
     datasets: dict[str, str] = Field(default_factory=dict)
-    """Condition -> sequence, where it is not `dataset`."""
+    """Maps a condition to its sequence, if it is not `dataset`."""
     playback: Playback
+    """How its frames are offered."""
     link: LinkChoice | None = None
+    """Link of the simulated runs; none for a system without an edge."""
     conditions: dict[str, SystemChoice] = Field(min_length=1)
+    """Condition of the paper -> the system and parameters that are run for it."""
     devices: dict[Role, FittedDevice]
+    """Role -> the device to fit."""
     components: list[Component] = Field(min_length=1)
+    """The printed times to meet."""
     fits: list[str] = Field(default_factory=list)
-    """Ids of the published cells (`*` allowed) that the devices are fitted to, sums of fitted ones
-    among them: where our runs agree with these, that is no evidence (docs/results.md)."""
+    """Ids of the published cells (`*` allowed) that the devices are fitted to, including sums of
+    fitted ones. Agreement with these is no evidence (docs/explanation/verdicts.md)."""
     runs: int = Field(default=2, ge=1)
+    """Runs of each condition in a round."""
     rounds: int = Field(default=6, ge=1)
+    """Rounds of running and scaling, at most."""
     damping: float = Field(default=0.0, ge=0, lt=1)
-    """Share of each step that is not taken, where costs change what happens: who tracks slowly
-    makes other keyframes, and these other updates."""
+    """Fraction of each step that is not taken, if costs change the events: slower tracking creates
+    other keyframes, and these other updates."""
     notes: str = ""
+    """What a reader must know."""
 
     @model_validator(mode="after")
     def _names_agree(self) -> "Targets":
@@ -109,5 +123,4 @@ class Targets(BaseModel):
         return self
 
     def dataset_of(self, condition: str) -> str:
-        """The sequence that this condition is played on."""
         return self.datasets.get(condition, self.dataset)

@@ -1,2 +1,2 @@
 # SPDX-License-Identifier: Apache-2.0
-"""From an experiment to its results: order, ledger, resume, atomic run folders."""
+"""From an experiment to its results: order of runs, ledger, resuming, atomic run folders."""

@@ -1,20 +1,19 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Which host of several executes which run.
+"""Assigns runs to several hosts.
 
-All cells of a repetition go to the same host, and the repetitions of every cell are spread over the
-hosts as evenly as their number allows. So whatever a host does to its runs, it does to all cells
-equally often, also where the repetitions are no multiple of the hosts, and what is paired by
-repetition was made on one machine.
+All cells of a repetition run on the same host, and the repetitions of each cell are spread evenly
+over the hosts. Any effect of a host therefore hits all cells equally often, and values paired by
+repetition come from one machine.
 """
 
 import random
 
 
 def preference(repetition: int, hosts: list[str], seed: int) -> list[str]:
-    """The host that executes this repetition, and those that take its place in turn when it dies.
+    """Returns the host that executes this repetition, followed by its substitutes in order.
 
-    As many repetitions as there are hosts have one each, in a seeded order; more repetitions later
-    do not change which these are.
+    Each block of as many repetitions as hosts uses every host once, in a seeded order. Adding
+    repetitions does not change the hosts of earlier ones.
     """
     block, place = divmod(repetition, len(hosts))
     order = list(hosts)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The runs that a campaign still has to execute, shared by the threads that execute them."""
+"""The runs that a campaign still has to execute, shared by its worker threads."""
 
 import threading
 import time
@@ -14,20 +14,20 @@ LOOK_EVERY_S = 0.1
 
 @dataclass
 class Item:
-    """A run with what became of its attempts in this campaign."""
+    """A run and the history of its attempts in this campaign."""
 
     spec: RunSpec
     retries: int = 0
-    """Attempts after an invalid one."""
+    """Attempts that followed an invalid one."""
     failures: int = 0
-    """Attempts that ended without a result."""
+    """Attempts without a result."""
     not_before_s: float = 0.0
-    """On time.monotonic()."""
+    """Earliest start, on time.monotonic()."""
 
 
 @dataclass
 class Backlog:
-    """First in, first out; a run that is put back waits at the end, and for its time."""
+    """A FIFO queue; a run that is put back goes to the end and may also have to wait."""
 
     specs: Iterable[RunSpec]
     _waiting: deque[Item] = field(init=False)
@@ -38,13 +38,13 @@ class Backlog:
         self._waiting = deque(Item(spec) for spec in self.specs)
 
     def __iter__(self) -> Iterator[Item]:
-        """What waits, before anything was taken."""
+        """Iterates over the waiting runs; to be used before any is taken."""
         return iter(self._waiting)
 
     def take(
         self, stop: threading.Event, claim: Callable[[RunSpec], bool] = lambda spec: True
     ) -> Item | None:
-        """The next run that `claim` lets begin, as soon as there is one; None when all are done or
+        """Waits for and returns the next run that `claim` accepts; None when all are done or
         `stop` is set."""
         with self._changed:
             while not stop.is_set():
@@ -54,20 +54,20 @@ class Backlog:
                         self._waiting.remove(item)
                         self._in_hand += 1
                         return item
-                # What another thread has in hand may still come back.
+                # A run in another thread may still be put back.
                 if not self._waiting and not self._in_hand:
                     return None
                 self._changed.wait(LOOK_EVERY_S)
         return None
 
     def done(self) -> None:
-        """A run that was taken needs nothing more."""
+        """Marks a taken run as finished."""
         with self._changed:
             self._in_hand -= 1
             self._changed.notify_all()
 
     def put_back(self, item: Item, pause_s: float = 0.0) -> None:
-        """A run that was taken shall be tried again."""
+        """Puts a taken run back for another attempt."""
         with self._changed:
             item.not_before_s = time.monotonic() + pause_s
             self._waiting.append(item)

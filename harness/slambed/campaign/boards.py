@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Live runs whose mobile node is on a real board: what they need besides an engine of this host."""
+"""Live runs whose mobile node is on a real board: connection, data and link."""
 
 import contextlib
 import time
@@ -28,10 +28,10 @@ LAST_ECHO_S = 0.5
 
 
 def take_board(here: Engine, role: RoleHost, notify: Callable[[str], None]) -> BoardEngine:
-    """The engine for such runs; boards that killed campaigns had are cleaned. Raises SlambedError,
-    in a line, for a board that does not answer or is not fit."""
+    """Returns the engine for such runs after removing what killed campaigns left on boards.
+    Raises a one-line SlambedError for an unreachable or unsuitable board."""
     client: docker.DockerClient | None = None
-    with contextlib.suppress(SlambedError):  # without it there is no image to copy
+    with contextlib.suppress(SlambedError):  # without Docker there is no image to copy
         client = connect()
     engine = BoardEngine(here, role, client, notify)
     clean_boards(notify, but=role)
@@ -39,7 +39,7 @@ def take_board(here: Engine, role: RoleHost, notify: Callable[[str], None]) -> B
 
 
 def look_at_board(role: RoleHost) -> Board:
-    """What a board is, whoever has it: nothing there is taken or cleaned."""
+    """Returns the board's facts without locking it or cleaning up."""
     connection = BoardConnection(role, alone=False)
     try:
         return connection.board
@@ -48,22 +48,22 @@ def look_at_board(role: RoleHost) -> Board:
 
 
 def bring_sequences(engine: BoardEngine, played: Played) -> None:
-    """Before the first run: a copy takes longer than a run may wait."""
+    """Copies the sequences before the first run: a copy takes longer than a run may wait."""
     for sequence, _ in played.values():
         engine.bring(sequence)
 
 
 @dataclass
 class BoardLinks:
-    """What lies between this machine and the board, as it is: opens nothing and proves nothing, but
-    measures the RTT by the kernel's own time stamps, as on every link."""
+    """The unmodified network between this machine and the board. There is no link proof, but the
+    RTT is measured with kernel timestamps, as on every link."""
 
     engine: BoardEngine
 
     def __call__(
         self, spec: RunSpec, mobile_ns: Path, edge_ns: Path, log_dir: Path, longest_s: float
     ) -> "BoardLink":
-        """For one run."""
+        """Opens the link of one run."""
         return BoardLink(self.engine, edge_ns, log_dir)
 
 
@@ -79,16 +79,17 @@ class BoardLink:
         self._facts: LinkFacts | None = None
 
     def start(self, t0_ns: int) -> None:
-        """Run time 0 on CLOCK_MONOTONIC."""
+        """Sets run time 0 on CLOCK_MONOTONIC."""
         self._t0_ns = t0_ns
         self._probe.start()
 
     def alive(self) -> bool:
-        """False once the board is gone."""
+        """Returns False once the board is unreachable."""
         return self._engine.alive()
 
     def stop(self) -> LinkFacts:
-        """What was measured; calling it again returns the same."""
+        """Writes the measured RTTs and returns the facts; calling it again returns the same
+        facts."""
         if self._facts is None:
             echoes = self._probe.stop(LAST_ECHO_S)
             back = np.isfinite(echoes.rtt_ms)

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""How far a campaign is, from what it writes: its ledger, and whether its process lives.
+"""Progress of a campaign, from its ledger and its process.
 
-No lock is asked for: whoever holds one for a moment, to see whether it is free, can make a campaign
-fail that begins in that moment.
+This module takes no locks: even a brief test of a lock could make a campaign fail that starts at
+that moment.
 """
 
 import time
@@ -20,64 +20,64 @@ from slambed.older_names import LEDGER, keys_today
 from slambed.spec.run_spec import run_name
 
 CLOCKS_APART_S = 2.0
-"""How much earlier than its process a ledger's line may seem to be: both are rounded."""
+"""Tolerance for a ledger line that seems older than its process: both times are rounded."""
 STARTED, ENDED = "campaign_started", "campaign_ended"
 
 
 @dataclass(frozen=True)
 class InHand:
-    """A run that is being executed."""
+    """A run in progress."""
 
     run_key: str
     name: str
     since_s: float
-    """Unix time at which this attempt began."""
+    """Unix time of the start of this attempt."""
 
 
 @dataclass(frozen=True)
 class CampaignState:
-    """One campaign of an experiment, the last one that its ledger reports."""
+    """The most recent campaign in the ledger of an experiment."""
 
     experiment: str
     pid: int
     alive: bool
-    """Whether its process is there."""
+    """Whether its process exists and the campaign has not ended."""
     began_s: float
     """Unix time."""
     ended: bool
-    """Whether it said so itself; neither `alive` nor `ended`: it was killed."""
+    """Whether it logged its end; if neither `alive` nor `ended` holds, it was killed."""
     interrupted: bool
     asked: int
-    """Runs that it had to execute."""
+    """Number of runs that it had to execute."""
     there_before: int
     valid: int
     invalid: int
-    """Ended, and invalid: executed again while attempts are left."""
+    """Finished but invalid runs; they are repeated while attempts are left."""
     failed: int
-    """Their last attempt gave no result."""
+    """Runs whose last attempt gave no result."""
     in_hand: list[InHand] = field(default_factory=list)
     left_s: float | None = None
-    """Expected time to the end; None before the first run has ended."""
+    """Expected remaining time; None before the first run has finished."""
 
     @property
     def done(self) -> int:
-        """Runs with a result."""
+        """Number of runs with a result."""
         return self.valid + self.invalid
 
     @property
     def waiting(self) -> int:
-        """Runs that nobody has in hand yet."""
+        """Number of runs that have not started."""
         return max(0, self.asked - self.done - self.failed - len(self.in_hand))
 
 
 Entry = dict[str, Any]
 Alive = Callable[[int, float], bool]
-"""Process and Unix time -> whether it is there and was so then."""
+"""(process id, Unix time) -> whether the process of that time still exists."""
 
 
 def is_alive(pid: int, since_s: float) -> bool:
-    """Whether the process is there that was so at that time: a number is given again, and one that
-    has ended keeps its number until its parent asks for it."""
+    """Returns whether the process that existed at that time still runs. Process ids are reused,
+    and a zombie keeps its id until its parent reaps it."""
     try:
         process = psutil.Process(pid)
         there = process.status() != psutil.STATUS_ZOMBIE
@@ -90,7 +90,7 @@ def is_alive(pid: int, since_s: float) -> bool:
 def state_of_ledger(
     experiment: str, entries: Iterable[Entry], now_s: float, alive: Alive = is_alive
 ) -> CampaignState | None:
-    """The last campaign of a ledger; None where it reports none."""
+    """Returns the last campaign of a ledger; None if there is none."""
     last: list[Entry] = []
     for entry in entries:
         if entry.get("event") == STARTED:
@@ -133,8 +133,8 @@ def state_of_ledger(
 
 
 def _follow(entries: list[Entry], asked: list[str]) -> tuple[dict[str, Entry], list[float], int]:
-    """The last entry of each run asked for, how long those took that ended, and how many were in
-    hand at once at most."""
+    """Returns the last entry of each planned run, the durations of finished runs, and the
+    maximum number of concurrent runs."""
     latest: dict[str, Entry] = {}
     began_s: dict[str, float] = {}
     durations_s: list[float] = []
@@ -163,7 +163,7 @@ def _left_s(
 
 
 def unix_time(entry: Entry) -> float:
-    """When a line of a ledger was written; 0 where it does not say."""
+    """Returns the Unix time of a ledger line; 0 if it has none."""
     try:
         when = datetime.fromisoformat(str(entry.get("time_utc")))
     except ValueError:
@@ -172,18 +172,18 @@ def unix_time(entry: Entry) -> float:
 
 
 def campaign_states(results: Path, now_s: float) -> list[CampaignState]:
-    """The last campaign of every experiment in a results folder, in order of their names."""
+    """Returns the last campaign of every experiment in a results folder, sorted by name."""
     found = [state_of(path.parent, now_s) for path in sorted(results.glob("*/ledger.jsonl"))]
     return [state for state in found if state is not None]
 
 
 def state_of(folder: Path, now_s: float) -> CampaignState | None:
-    """The last campaign of one experiment's folder."""
+    """Returns the last campaign in the folder of one experiment."""
     return state_of_ledger(folder.name, Ledger(folder / "ledger.jsonl").read(), now_s)
 
 
 def being_run(results: Path, experiment: str) -> list[str]:
-    """That a campaign has the experiment in hand now, for whoever asks what is missing of it."""
+    """Returns a line about a campaign that is executing the experiment now; empty without one."""
     state = state_of(results / experiment, time.time())
     if state is None or not state.alive:
         return []
@@ -191,7 +191,7 @@ def being_run(results: Path, experiment: str) -> list[str]:
 
 
 def title_of(folder: Path) -> str:
-    """What an experiment is called; its folder's name where nobody wrote it down."""
+    """Returns the title of an experiment, or its folder's name if no title was stored."""
     content = read_object(folder / "experiment.json") or {}
     spec = content.get("experiment")
     title = spec.get("title") if isinstance(spec, dict) else None

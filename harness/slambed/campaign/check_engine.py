@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What `slambed run` would say of the engine on this host, for `--check`."""
+"""The engine checks of `slambed run` on this host, for `--check`."""
 
 from collections.abc import Callable
 
@@ -14,9 +14,9 @@ from slambed.spec.software import host_software
 
 
 def engine_here(asked: str, experiment: Experiment, library: Library) -> list[str]:
-    """The engine that runs would get, and what is not ready for it. Raises SlambedError where this
-    host refuses it, as `slambed run` does."""
-    # Containers take half a second to load, which virtual runs do not need.
+    """Returns the engine that runs would get, and what is not ready. Raises SlambedError if this
+    host refuses it, like `slambed run`."""
+    # Importing containers takes 0.5 s, which virtual runs do not need.
     if asked == VIRTUAL:
         return [f"engine: {VIRTUAL}", *_not_ready(_virtual_is_ready)]
     from slambed.campaign.choose import choose_engine, decide
@@ -41,7 +41,7 @@ def _virtual_is_ready() -> None:
 
 
 def _not_ready(is_ready: Callable[[], None]) -> list[str]:
-    """What has to be made before runs begin: the files and the host are good without it."""
+    """Reports what must be built before runs can start, although files and host are valid."""
     try:
         is_ready()
     except SlambedError as error:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What `slambed check-system` says of the metrics that a system declares."""
+"""What `slambed check-system` reports about the metrics that a system declares."""
 
 from collections.abc import Sequence
 
@@ -10,8 +10,8 @@ from slambed.spec.system import OwnMetric
 
 
 def about_metric(item: OwnMetric, recorded: Sequence[Event], frames: int) -> str:
-    """Whether there is what it is taken from. It need not be: what an event reports (a loss, a
-    loop, a map that was made) may not happen in so few frames, nor in every run."""
+    """Reports whether the events of a metric occur. They are optional: a loss or a loop closure
+    may not happen in so few frames, nor in every run."""
     events = [event for event in recorded if event["type"] == item.event]
     chosen = [event for event in events if fits(item, event)]
     if item.field and chosen and not len(values_of(chosen, item.field)):

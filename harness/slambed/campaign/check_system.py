@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""`slambed check-system`: plays twenty generated frames to a system and says what of the contract
-holds. Needs no privilege: no namespaces, no limits, the edge on this host."""
+"""`slambed check-system`: plays twenty generated frames to a system and reports which parts of
+the contract hold. It needs no privileges: no namespaces, no limits, the edge on this host."""
 
 import json
 import os
@@ -44,26 +44,26 @@ from slambed.spec.system import Role, System
 FRAMES, FPS = 20, 5.0
 STOPPED_AFTER_S = 1.0
 READER_STOPPED_AFTER_S = 0.1
-"""Nobody keeps a system that reads a folder from being done sooner."""
+"""Shorter, because a system that reads a folder may finish at any time."""
 STOP_PATIENCE_S, END_PATIENCE_S = 15.0, 30.0
 INVERSE_IS_BETTER = 0.5
-"""A path whose inverse fits the truth in less than this share of its error was sent inverted."""
+"""If the inverted path has less than this share of the original error, poses were sent inverted."""
 
 
 @dataclass
 class Checked:
-    """What was found, line by line."""
+    """The findings, line by line."""
 
     lines: list[tuple[bool, str]] = field(default_factory=list)
 
     def report(self, good: bool, line: str) -> bool:
-        """Adds a line; returns whether it is a good one."""
+        """Adds a line; returns `good`."""
         self.lines.append((good, line))
         return good
 
     @property
     def good(self) -> bool:
-        """True when the whole contract holds."""
+        """True if the whole contract holds."""
         return all(good for good, _ in self.lines)
 
 
@@ -73,16 +73,16 @@ class Trial:
 
     system: System
     folder: Path
-    """Of the system."""
+    """Folder of the system."""
     sequence: Path
     run_dir: Path
     recording: Recording | None = None
-    """Of a system that reads a folder."""
+    """For a system that reads a folder."""
     nodes: dict[Role, subprocess.Popen[bytes]] = field(default_factory=dict)
 
     @contextmanager
     def started(self) -> Iterator[None]:
-        """All nodes, the edge first; none is left behind."""
+        """Starts all nodes, the edge first; ends all of them on exit."""
         self.run_dir.mkdir()
         (self.run_dir / "run.json").write_text(json.dumps(self._config().as_json()))
         with ExitStack() as cleanup:
@@ -143,7 +143,8 @@ class Trial:
         return self.run_dir / role / "log.txt"
 
     def wait(self, over: Callable[[], bool], patience_s: float) -> bool:
-        """Until `over`, or a node that ended by itself; whether `over` came."""
+        """Waits until `over` holds, a node has exited, or the timeout; returns whether `over`
+        holds."""
         deadline = time.monotonic() + patience_s
         while not over():
             ended = any(node.poll() is not None for node in self.nodes.values())
@@ -153,35 +154,35 @@ class Trial:
         return True
 
     def ready(self) -> bool:
-        """Whether every node said so in time."""
+        """Returns whether every node reported in time that it is ready."""
         assert self.system.runtime is not None
         files = [self.run_dir / role / "ready.json" for role in self.nodes]
         return self.wait(lambda: all(f.exists() for f in files), self.system.runtime.ready_s)
 
     def start_clock(self) -> None:
-        """Run time 0 is now."""
+        """Starts the run clock (run time 0 in 100 ms)."""
         with replacing(self.run_dir / "start.json") as start:
             start.write_text(json.dumps({"t0_ns": time.monotonic_ns() + 100_000_000}))
 
     def code(self, role: Role, patience_s: float) -> int | None:
-        """Exit code; None when it did not end in time."""
+        """Returns the exit code; None after the timeout."""
         try:
             return self.nodes[role].wait(patience_s)
         except subprocess.TimeoutExpired:
             return None
 
     def last_words(self, role: Role) -> str:
-        """The last line of a node."""
+        """Returns the last log line of a node."""
         return last_line(self._log(role)).removeprefix("error: ")
 
     def events(self, role: Role = "mobile") -> list[Event]:
-        """What a node recorded."""
+        """Returns the recorded events of a node."""
         path = self.run_dir / role / "events.jsonl"
         return read_jsonl(path)[0] if path.exists() else []
 
 
 def check_system(named: str, library: Library) -> Checked:
-    """Raises SlambedError where there is no such system, or it is one of ours."""
+    """Checks a system. Raises SlambedError for an unknown or built-in system."""
     system = library.system(named)
     if system.runtime is None:
         raise SlambedError(f"system {system.name} is built in; only programs of others are checked")
@@ -259,7 +260,8 @@ def _answers(trial: Trial, found: Checked) -> None:
 
 
 def _leaves(trial: Trial, found: Checked) -> bool:
-    """Whether the file that it left behind is what a run takes its frames and poses from."""
+    """Checks the trajectory file that the system wrote; returns whether frames and poses can be
+    read."""
     runtime, recording = trial.system.runtime, trial.recording
     assert runtime is not None and recording is not None
     path = trial.run_dir / "mobile" / runtime.trajectory
@@ -319,13 +321,13 @@ def _stops(trial: Trial, found: Checked) -> None:
 
 
 def _inverted(path: Trajectory) -> Trajectory:
-    """Each pose's inverse."""
+    """Returns the inverse of each pose."""
     inverse = path.rotations().inv()
     return Trajectory(path.stamps_s, -inverse.apply(path.positions_m), inverse.as_quat())
 
 
 def _generate(sensor: str, path: Path) -> Path:
-    """A fixed piece of a walk through a room."""
+    """Generates a fixed part of a walk through a room."""
     command = [
         *(str(find_program("slambed-synth")), "--out", str(path), "--id", "check", "--seed", "3"),
         *("--sensor", sensor, "--fps", str(FPS), "--seconds", str(FRAMES / FPS)),

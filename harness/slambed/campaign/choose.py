@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Which engine a campaign gets on this host."""
+"""Selects the engine of a campaign on this host."""
 
 from collections.abc import Callable
 from typing import Literal
@@ -16,8 +16,9 @@ from slambed.spec.software import host_software, image_software
 
 
 def decide(asked: str) -> tuple[Literal["docker", "local"], str]:
-    """The engine that live runs get here, and why, where `auto` passes docker over: it takes docker
-    where a daemon answers, else local. Raises SlambedError where this host refuses them."""
+    """Returns the engine of live runs on this host, and why `auto` did not take docker. `auto`
+    takes docker if a daemon answers, else local. Raises SlambedError if this host refuses live
+    runs."""
     check_privilege(asked)
     if asked == "local":
         return "local", ""
@@ -33,9 +34,9 @@ def decide(asked: str) -> tuple[Literal["docker", "local"], str]:
 def choose_engine(
     asked: str, console: Console, build: Callable[[], None] | None = build_image
 ) -> tuple[Engine, str]:
-    """The engine and the tag of the software it runs; reports why `auto` takes local.
+    """Returns the engine and its software tag; prints why `auto` takes local.
 
-    A missing image is built; with `build` None it is not, and the engine is for questions only.
+    Builds a missing image; with `build` None it does not, and the engine can only be queried.
     """
     name, why = decide(asked)
     if why:
@@ -55,7 +56,7 @@ def _docker(build: Callable[[], None] | None) -> tuple[Engine, str]:
 
 
 def check_privilege(engine: str) -> None:
-    """A live run needs root, or a Docker daemon that listens to us."""
+    """Raises unless we are root or have access to a Docker daemon."""
     if is_root():
         return
     refused = "engine local needs root"

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """Virtual runs on the workers of a Dask cluster: `--scheduler tcp://...` and `--slurm`.
 
-A run is made in a scratch folder of its worker and travels back whole, so workers need the same
-sources and the sequence, but no common file system. This process alone writes results and ledger:
-a worker that dies leaves nothing, and Dask gives its run to another one.
+A run is executed in a scratch folder of its worker and returned as an archive. Workers therefore
+need the same sources and the sequence, but no common file system. Only this process writes results
+and ledger: a worker that dies leaves nothing, and Dask reassigns its run.
 """
 
 import socket
@@ -28,21 +28,21 @@ from slambed.spec.software import host_software, software_of_systems
 
 CONNECT_TIMEOUT_S = 20.0
 FIRST_WORKER_TIMEOUT_S = 600.0
-"""A batch system may let its first job wait."""
+"""A batch system may queue its first job for a while."""
 SLURM_MEMORY = "2 GiB"
-"""Of one worker, where Dask's configuration does not say."""
+"""Memory of one worker, unless Dask's configuration sets it."""
 
 
 @dataclass
 class ClusterExecutor:
-    """Executes virtual runs on whatever workers the scheduler has."""
+    """Executes virtual runs on the scheduler's workers."""
 
     played: Played
     client: Any
     jobs: int
 
     def execute(self, spec: RunSpec, raw: Path, stop: threading.Event, attempt: int = 1) -> Summary:
-        """Hands the run to the cluster and waits for it."""
+        """Submits the run to the cluster and waits for it."""
         sequence, played_s = self.played[spec.dataset]
         away = RemoteRun(spec, sequence.resolve(), played_s, sys.argv, attempt)
         try:
@@ -63,7 +63,7 @@ class ClusterExecutor:
         return summary
 
     def close(self) -> None:
-        """Leaves the cluster; one that was made for this campaign ends."""
+        """Disconnects; a cluster started for this campaign ends."""
         cluster = self.client.cluster
         self.client.close()
         if cluster is not None:
@@ -71,7 +71,7 @@ class ClusterExecutor:
 
 
 def join_cluster(played: Played, address: str, jobs: int | None) -> ClusterExecutor:
-    """A scheduler that somebody started, with the workers it has."""
+    """Connects to an existing scheduler and its workers."""
     distributed = imported("distributed", "--scheduler")
     try:
         client = distributed.Client(address, timeout=CONNECT_TIMEOUT_S)
@@ -83,8 +83,8 @@ def join_cluster(played: Played, address: str, jobs: int | None) -> ClusterExecu
 
 
 def start_on_slurm(played: Played, jobs: int | None) -> ClusterExecutor:
-    """Workers as Slurm jobs, one core each; queue, account and wall time come from Dask's own
-    configuration (jobqueue.yaml)."""
+    """Starts workers as Slurm jobs with one core each; queue, account and wall time come from
+    Dask's configuration (jobqueue.yaml)."""
     if jobs is None:
         raise SlambedError("--slurm needs --jobs: how many one-core jobs to ask Slurm for")
     jobqueue = imported("dask_jobqueue", "--slurm")
@@ -111,7 +111,8 @@ def _pool(played: Played, client: Any, jobs: int | None, wait_s: float) -> Clust
 
 
 def imported(module: str, option: str) -> Any:
-    """A module of what only distributed campaigns need. Raises SlambedError where it is missing."""
+    """Imports an optional module for distributed campaigns. Raises SlambedError if it is
+    missing."""
     import importlib
 
     try:
@@ -124,21 +125,21 @@ def imported(module: str, option: str) -> Any:
 
 @dataclass(frozen=True)
 class RemoteRun:
-    """A run as it travels to a worker, which finds the rest where it is."""
+    """A run as it is sent to a worker, which finds everything else locally."""
 
     spec: RunSpec
     sequence: Path
-    """Where the campaign has it."""
+    """Path of the sequence on the campaign's machine."""
     played_s: float
     command: list[str]
     attempt: int
 
 
 def execute_remotely(away: RemoteRun) -> tuple[Summary, bytes]:
-    """On a worker: executes the run; its summary and its packed folder."""
+    """Executes the run on a worker; returns its summary and its packed folder."""
     from distributed import get_worker
 
-    # The worker's own folder: what a killed worker leaves there, Dask removes.
+    # Uses the worker's own folder: Dask removes what a killed worker leaves there.
     with tempfile.TemporaryDirectory(dir=get_worker().local_directory) as scratch:
         raw = Path(scratch) / "raw"
         raw.mkdir()

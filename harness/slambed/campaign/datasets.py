@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The sequences of a campaign, prepared and checked once."""
+"""The sequences of a campaign, prepared and verified once."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ NS_PER_S = 1e9
 
 @dataclass(frozen=True)
 class Sequence:
-    """A prepared sequence as a campaign needs it."""
+    """A prepared sequence with the facts that a campaign needs."""
 
     id: str
     checksum: str
@@ -33,15 +33,15 @@ class Sequence:
     path: Path
     times_s: np.ndarray
     stands_in_for: str = ""
-    """The dataset that the experiment would rather have played and that is not here."""
+    """The dataset that this sequence replaces because it is not on this machine."""
     defaults: DatasetPlayback = field(default_factory=DatasetPlayback)
-    """`playback` of the dataset's file."""
+    """`playback` in the dataset's file."""
     prior_map: str | None = None
     reference: str | None = None
-    """Prepared inputs that the dataset's file names."""
+    """Prepared input that the dataset's file names, like `prior_map`."""
 
     def playback(self, asked: Playback) -> Playback:
-        """What the experiment asks for, and the dataset's own where that leaves something open."""
+        """Returns the experiment's playback, with defaults from the dataset's file."""
         open_keys = self.defaults.model_fields_set - asked.model_fields_set
         if not open_keys:
             return asked
@@ -56,7 +56,7 @@ class Sequence:
             ) from None
 
     def played_s(self, playback: Playback) -> float:
-        """How long playback lasts at recorded speed."""
+        """Returns the duration of playback at recorded speed."""
         playback = self.playback(playback)
         end_s = float(self.times_s[-1])
         if playback.start_s >= end_s:
@@ -68,7 +68,7 @@ class Sequence:
 
 
 def sensor_of(name: str) -> str:
-    """What a dataset was recorded with, known without preparing it."""
+    """Returns the sensor type of a dataset without preparing it."""
     from slambed.data.catalog import Catalog
     from slambed.data.prepared import PreparedSequence
 
@@ -79,7 +79,7 @@ def sensor_of(name: str) -> str:
 
 
 def must_be_here(name: str) -> None:
-    """Raises MissingDataError for a dataset that has no source here, without preparing any."""
+    """Raises MissingDataError for a dataset without a source on this machine; prepares nothing."""
     from slambed.data.catalog import Catalog
 
     if not (Path(name) / SEQUENCE_FILE).is_file():
@@ -87,7 +87,7 @@ def must_be_here(name: str) -> None:
 
 
 def stand_in(name: str) -> str:
-    """What is played instead of what, and how to get that; empty where nothing is."""
+    """Returns which dataset is replaced by which, and how to get it; empty if none is."""
     from slambed.data.catalog import Catalog
     from slambed.data.download import how_to_get
     from slambed.data.stand_in import played_instead
@@ -102,7 +102,7 @@ def stand_in(name: str) -> str:
 
 
 def prior_map_of(name: str) -> str | None:
-    """The prepared input that a dataset's file names, known without preparing anything."""
+    """Returns the prior map that a dataset's file names; prepares nothing."""
     from slambed.data.catalog import Catalog
 
     if (Path(name) / SEQUENCE_FILE).is_file():
@@ -111,7 +111,7 @@ def prior_map_of(name: str) -> str | None:
 
 
 def must_be_made(name: str) -> bool:
-    """Whether `prepare_sequence` would have to decode or generate it first."""
+    """Returns whether `prepare_sequence` would first have to decode or generate the dataset."""
     from slambed.data.catalog import Catalog
 
     if (Path(name) / SEQUENCE_FILE).is_file():
@@ -121,8 +121,8 @@ def must_be_made(name: str) -> bool:
 
 
 def prepare_sequence(name: str, notify: Callable[[str], None] = lambda line: None) -> Sequence:
-    """Prepares a dataset, and reads every frame of it against its checksums where nobody has of
-    late. `notify`: hears when it has to be made first, which may take minutes."""
+    """Prepares a dataset and verifies its frames against their checksums, unless that was done
+    recently. `notify` is called before the preparation, which may take minutes."""
     from slambed.data.catalog import Catalog
     from slambed.data.prepared import PreparedSequence
     from slambed.data.verified import verify_once
@@ -138,7 +138,7 @@ def prepare_sequence(name: str, notify: Callable[[str], None] = lambda line: Non
 
 
 def kept_sequence(name: str) -> Sequence | None:
-    """The same where it is known without preparing or reading anything."""
+    """Returns the sequence if that needs no preparation; None otherwise."""
     from slambed.data.catalog import Catalog
     from slambed.data.prepared import PreparedSequence
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What executes the runs of a campaign."""
+"""Interface of the executors of a campaign's runs."""
 
 import threading
 from pathlib import Path
@@ -13,28 +13,28 @@ Played = dict[str, tuple[Path, float]]
 
 
 class Executor(Protocol):
-    """Turns RunSpecs into raw folders that are whole but for their place."""
+    """Turns RunSpecs into complete raw folders."""
 
     @property
     def jobs(self) -> int:
-        """How many runs it executes at once; `execute` is called from as many threads."""
+        """Number of concurrent runs; `execute` is called from as many threads."""
 
     def execute(self, spec: RunSpec, raw: Path, stop: threading.Event, attempt: int = 1) -> Summary:
-        """Fills the folder; returns the summary. InterruptedRunError soon after `stop` is set;
-        PassingError when another attempt may do."""
+        """Fills the folder and returns the summary. Raises InterruptedRunError soon after `stop`
+        is set, and PassingError if another attempt may succeed."""
 
     def close(self) -> None:
-        """Ends whatever it started."""
+        """Ends everything that the executor started."""
 
 
 class NoRuns:
-    """Of a campaign that has nothing to execute: it takes no host and joins no cluster."""
+    """Executor of a campaign without pending runs: it takes no host and joins no cluster."""
 
     jobs = 1
 
     def execute(self, spec: RunSpec, raw: Path, stop: threading.Event, attempt: int = 1) -> Summary:
-        """There is none."""
+        """Never called."""
         raise NotImplementedError
 
     def close(self) -> None:
-        """Nothing was started."""
+        """Does nothing."""

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""results/<experiment>/: a view of the runs that the experiment's plans name, and its reports.
+"""results/<experiment>/: a view of the runs in the experiment's plans, and its reports.
 
-`runs/` holds a link per run to its place in the store, so what reads an experiment needs to know
-nothing of the store; to leave a plan or to come back to it costs no run anything.
+`runs/` holds a link per run to its folder in the store, so readers of an experiment need not know
+the store. A run that leaves a plan or returns to it is not executed again.
 """
 
 import json
@@ -18,7 +18,7 @@ from slambed.records.manifest import Manifest
 
 
 class ResultFolder:
-    """The results of one experiment, over the store that lies beside it."""
+    """The results of one experiment, as a view of the store in the parent folder."""
 
     def __init__(self, path: Path) -> None:
         self.path = path
@@ -26,7 +26,7 @@ class ResultFolder:
         self.store = RunStore(path.parent)
 
     def create(self) -> None:
-        """Makes the folders; `store.open` beside it."""
+        """Creates the folders and opens the store."""
         self.store.open()
         try:
             self.runs.mkdir(parents=True, exist_ok=True)
@@ -37,11 +37,11 @@ class ResultFolder:
         self._adopt()
 
     def close(self) -> None:
-        """Leaves nothing but results."""
+        """Removes temporary files of the store."""
         self.store.close()
 
     def _adopt(self) -> None:
-        """Runs of the time before there was a store get their place in it."""
+        """Moves runs from versions without a store into it."""
         for old in (self.runs, self.path / "stale"):
             for folder in old.iterdir() if old.is_dir() else ():
                 place = self.store.runs / folder.name
@@ -52,25 +52,25 @@ class ResultFolder:
         shutil.rmtree(self.path / ".work", ignore_errors=True)
 
     def state(self, run_key: str) -> State:
-        """What is there of a run, whoever executed it."""
+        """Returns the state of a run, whichever experiment executed it."""
         return self.store.state(run_key)
 
     def summary(self, run_key: str) -> Summary | None:
-        """Of a run; None when it is not there or not whole."""
+        """Returns the summary of a run; None if it is missing or truncated."""
         return self.store.summary(run_key)
 
     def manifest(self, run_key: str) -> Manifest | None:
-        """Of a run; None when it is not there or not whole."""
+        """Returns the manifest of a run; None if it is missing or truncated."""
         return self.store.manifest(run_key)
 
     def run_keys(self) -> list[str]:
-        """Runs in this view."""
+        """Keys of the runs in this view."""
         if not self.runs.is_dir():
             return []
         return sorted(p.name for p in self.runs.iterdir() if p.is_dir())
 
     def show(self, run_keys: Iterable[str]) -> None:
-        """Makes the view one of these runs, as far as they are there."""
+        """Makes the view show exactly these runs, as far as they exist."""
         wanted = set(run_keys)
         for link in list(self.runs.iterdir()):
             if link.is_symlink() and (link.name not in wanted or not link.exists()):
@@ -85,19 +85,20 @@ class ResultFolder:
             link.symlink_to(Path("..") / ".." / STORE / run_key)
 
     def new_raw(self, run_key: str) -> Path:
-        """An empty folder for the raw files of a run."""
+        """Returns an empty folder for the raw files of a run."""
         return self.store.new_raw(run_key)
 
     def is_full(self) -> bool:
-        """Whether the disk has no room for one more run."""
+        """Returns whether the disk has no space for another run."""
         return self.store.is_full()
 
     def commit(self, run_key: str, raw: Path, replace: bool = False) -> None:
-        """A finished run into the store and this view; `replace`: in the place of any other."""
+        """Adds a finished run to the store and to this view; `replace` also replaces a valid
+        run."""
         self.store.commit(run_key, raw, replace)
         self._link(run_key)
 
     def write_json(self, name: str, content: object) -> None:
-        """A file of the experiment, replaced by one rename."""
+        """Writes a file of the experiment atomically."""
         with replacing(self.path / name, durable=True) as out:
             out.write_text(json.dumps(content, indent=1, allow_nan=False) + "\n")

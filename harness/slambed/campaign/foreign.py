@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Systems that are programs of their own: what their runs' software is called."""
+"""Software tags of systems with their own programs."""
 
 from collections.abc import Mapping
 from pathlib import Path
@@ -10,16 +10,17 @@ from slambed.spec.library import Library
 from slambed.spec.runtime import Runtime, foreign_digest
 from slambed.spec.software import software_of_systems
 
-PLAYER_FLOOR = "play"
-"""The floor of the C++ sources that slambed-play is made of."""
+PLAYER_LIBRARY = "play"
+"""The C++ layer that slambed-play is built from."""
 
 
 def software_of_foreign(
     experiment: Experiment, library: Library, engine: Engine, software: str
 ) -> dict[str, str]:
-    """System -> tag of its software, where `software` is that of ours.
+    """Returns system -> software tag, where `software` is the tag of the built-in systems.
 
-    Raises SlambedError for an image or file that is not here."""
+    Raises SlambedError for a missing image or file.
+    """
     found: dict[str, str] = {}
     for named in dict.fromkeys(choice.system for choice in experiment.systems):
         system = library.system(named)
@@ -39,8 +40,9 @@ def foreign_software(
     images: Mapping[str, str],
     root: Path | None = None,
 ) -> str:
-    """Tag of a system that is a program of its own: that of the player, and its own digest.
+    """Returns the tag of a system with its own program: the player's tag and the system's digest.
 
-    `images`: role -> id of its image, where containers are made of them."""
-    player = software_of_systems(software, [PLAYER_FLOOR], root).get(PLAYER_FLOOR, software)
+    `images`: role -> image id, for containers.
+    """
+    player = software_of_systems(software, [PLAYER_LIBRARY], root).get(PLAYER_LIBRARY, software)
     return f"{player}.{foreign_digest(runtime, folder, images)}"

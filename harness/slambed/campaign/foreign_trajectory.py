@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The trajectory that a system leaves which reads a recorded folder: checked, and made into the
-frames, losses and poses that every system has."""
+"""The trajectory file of a system that reads a recorded folder: checked, and converted to the
+frames, losses and poses that every system reports."""
 
 import json
 from collections.abc import Iterator
@@ -19,22 +19,24 @@ from slambed.files.atomic import replacing
 from slambed.spec.runtime import Runtime
 
 SAME_STAMP_S = 1e-3
-"""A system may write three digits of a second."""
+"""A system may write timestamps with only three decimals."""
 UNIT_TOLERANCE = 1e-3
-"""Of a quaternion's length, and of a rotation matrix times its transpose: single precision and a
-few digits after the point are nearer, as for the poses that the player takes."""
+"""Tolerance of a quaternion's norm and of R R^T - I: it allows single precision and few
+decimals, as for poses received by slambed-play."""
 KITTI_NUMBERS = 12
 
 
 def read_poses(path: Path, runtime: Runtime, recording: Recording) -> Trajectory:
-    """The poses of a file as it has them, in the folder's time; KITTI's lines are its frames.
+    """Reads the poses of a file, in the folder's timestamps; each line of a KITTI file is one
+    frame.
 
-    Raises SlambedError for a file that is not there or not of its format."""
+    Raises SlambedError for a missing or malformed file.
+    """
     if runtime.trajectory_format == "tum":
         try:
             poses = read_tum(path)
         except SlambedError as error:
-            # By its name: its folder is gone when this is read.
+            # Only the name: the folder is gone when the user reads this.
             raise SlambedError(str(error).replace(str(path), path.name)) from None
         if not len(poses):
             raise SlambedError(f"{path.name}: no pose in it; write a line for each tracked frame")
@@ -63,7 +65,7 @@ def read_poses(path: Path, runtime: Runtime, recording: Recording) -> Trajectory
 
 
 def check_rotations(path: Path, poses: Trajectory) -> None:
-    """Raises SlambedError where a quaternion has not length 1."""
+    """Raises SlambedError for a quaternion that does not have length 1."""
     lengths = np.linalg.norm(poses.quaternions_xyzw, axis=1)
     wrong = np.abs(lengths - 1) > UNIT_TOLERANCE
     if wrong.any():
@@ -75,9 +77,10 @@ def check_rotations(path: Path, poses: Trajectory) -> None:
 
 
 def frames_of(path: Path, poses: Trajectory, recording: Recording) -> NDArray[np.intp]:
-    """For each pose the frame that it is of, as a place in the recording.
+    """Returns for each pose the position of its frame in the recording.
 
-    Raises SlambedError for a time that is no frame's, and for two poses of one frame."""
+    Raises SlambedError for a time without a frame, and for two poses of one frame.
+    """
     stamps_s = recording.folder_stamps_s
     right = np.clip(np.searchsorted(stamps_s, poses.stamps_s), 1, max(1, len(stamps_s) - 1))
     right = np.minimum(right, len(stamps_s) - 1)
@@ -100,8 +103,8 @@ def frames_of(path: Path, poses: Trajectory, recording: Recording) -> NDArray[np
 
 
 def record_poses(result: RunResult, runtime: Runtime, recording: Recording, raw: Path) -> RunResult:
-    """Writes `mobile/trajectory.txt`, in recorded time, and the frames' events behind those of the
-    player. A trajectory that is none is how the system died."""
+    """Writes `mobile/trajectory.txt`, in recorded time, and appends the frames' events to those
+    of the player. An invalid trajectory makes the outcome `died`."""
     if result.outcome != "completed":
         return result
     folder = raw / "mobile"
@@ -126,8 +129,8 @@ def record_poses(result: RunResult, runtime: Runtime, recording: Recording, raw:
 
 
 def _events(recording: Recording, places: NDArray[np.intp]) -> Iterator[dict[str, Any]]:
-    """As the player writes them of frames with a pose and of those without (frame_record.cpp). They
-    are known at the end: when each frame was tracked, and how long it took, nobody measured."""
+    """Yields the same events as the player for frames with and without a pose
+    (frame_record.cpp). When each frame was tracked, and how long it took, is unknown."""
     posed = np.zeros(len(recording.indices), dtype=bool)
     posed[places] = True
     before, ever = "not_initialized", False

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""JSON lines that another process is still writing: each time what has come since."""
+"""Reads JSON lines that another process is still writing, incrementally."""
 
 from pathlib import Path
 
@@ -7,7 +7,7 @@ from slambed.metrics.events import Event, parse_line
 
 
 class GrowingFile:
-    """Reads a file of JSON lines as it grows; opens it for reading alone, and only for a moment."""
+    """Follows a growing file of JSON lines; opens it read-only and only briefly."""
 
     def __init__(self, path: Path) -> None:
         self.path = path
@@ -15,9 +15,8 @@ class GrowingFile:
         self._inode = -1
 
     def new(self) -> list[Event]:
-        """Whole objects that were written since the last call; a line that is not whole yet comes
-        the next time. A file that took the place of the old one is read from its beginning. None
-        where it is not there."""
+        """Returns the objects written since the last call, without an incomplete last line. A
+        replaced file is read from its beginning; a missing file gives an empty list."""
         try:
             with self.path.open("rb") as file:
                 status = self.path.stat()

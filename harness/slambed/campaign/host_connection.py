@@ -1,9 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A campaign's hold on one host: ssh with two forwarded ports, and a worker at its far end.
+"""Connection to one host of a campaign: ssh with two forwarded ports, and a worker on the host.
 
-Nothing listens outside of a loopback: the worker finds the scheduler, and the scheduler the worker,
-through the connection. What comes out of these ports shows the certificate of the campaign or is
-not listened to, because Dask's protocol runs code.
+All ports listen on loopback only: worker and scheduler reach each other through the ssh connection.
+Both require the campaign's TLS certificate, because Dask's protocol executes code.
 """
 
 import shlex
@@ -26,24 +25,24 @@ SSH = (
     "ssh", "-T", "-o", "BatchMode=yes", "-o", "ConnectTimeout=20",
     "-o", "ExitOnForwardFailure=yes", "-o", "ServerAliveInterval=10", "-o", "ServerAliveCountMax=3",
 )  # fmt: skip
-"""No questions, and the end of a host that is silent for half a minute."""
+"""Never prompts, and closes the connection after a host has been silent for 30 s."""
 FIRST_ANSWER_S = 60.0
 JOIN_S = 3600.0
-"""An image may have to be built first."""
+"""Timeout that includes building an image."""
 END_S = 40.0
-"""The worker's own patience with its last run, and some."""
+"""Longer than the worker's own timeout for its last run."""
 
 
 @dataclass(frozen=True)
 class Credentials:
-    """What the processes of one campaign know each other by."""
+    """TLS certificate and key shared by the processes of one campaign."""
 
     certificate: str
     key: str
 
     @staticmethod
     def make() -> "Credentials":
-        """A certificate that signs itself, by openssl."""
+        """Creates a self-signed certificate with openssl."""
         with tempfile.TemporaryDirectory() as folder:
             key, certificate = Path(folder) / "key.pem", Path(folder) / "certificate.pem"
             command = [
@@ -65,7 +64,7 @@ class HostConnection:
     """One worker on one host, from `join` to `close`."""
 
     def __init__(self, host: Host, errors: Path) -> None:
-        """`errors`: a folder for what ssh and the worker print."""
+        """`errors`: folder for the stderr output of ssh and the worker."""
         self._host = host
         self._errors = errors / f"{host.name}.txt"
         self._process: LineProcess | None = None
@@ -80,9 +79,9 @@ class HostConnection:
         take: bool = True,
         notify: Callable[[str], None] = lambda line: None,
     ) -> Joined:
-        """Makes the host a worker of the scheduler at this address. `notify`: hears that it waits
-        for another campaign there. Raises PassingError where it cannot be reached, SlambedError
-        where it is not fit."""
+        """Makes the host a worker of the scheduler at this address. `notify` is called while it
+        waits for another campaign there. Raises PassingError for an unreachable host,
+        SlambedError for an unsuitable one."""
         host = self._host
         try:
             ports = self._look()
@@ -129,7 +128,7 @@ class HostConnection:
             raise
 
     def _look(self) -> FreePorts:
-        """What lies there; the connection ends again."""
+        """Asks for free ports and the version over a separate connection."""
         process = LineProcess(_command(self._host, []), "worker", self._errors)
         try:
             return process.ask(AskPorts(), FreePorts, FIRST_ANSWER_S)
@@ -142,11 +141,11 @@ class HostConnection:
             process.close()
 
     def alive(self) -> bool:
-        """False once the worker has ended, or the way to it."""
+        """Returns False once the worker or the connection has ended."""
         return self._process is not None and self._process.alive()
 
     def last_words(self) -> str:
-        """What ssh or the worker printed in the end, for a person."""
+        """Returns the last error line of ssh or the worker."""
         try:
             lines = self._errors.read_text(errors="replace").strip().splitlines()
         except OSError:
@@ -154,13 +153,13 @@ class HostConnection:
         return lines[-1].strip().removeprefix("error: ") if lines else ""
 
     def close(self) -> None:
-        """The worker ends its run and itself; calling it twice is harmless."""
+        """Ends the worker and its run; safe to call twice."""
         if self._process is not None:
             self._process.close(END_S)
 
 
 def _command(host: Host, forwards: list[str]) -> list[str]:
-    """What starts the worker there."""
+    """Returns the command that starts the worker on the host."""
     settings = [f"{name}={value}" for name, value in host.environment.items()]
     if host.is_here:
         return ["env", *settings, sys.executable, "-m", MODULE]

@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
 """Live runs on several hosts (`slambed run --hosts`), one at a time on each.
 
-Every host is a worker of this campaign's own Dask scheduler. A run goes to the host that its
-repetition belongs to (`assignment`); one that dies costs its run an attempt, the living ones take
-its place, and it is asked again whether it is back. This process alone writes results and ledger:
-what a host that died had in hand comes from nowhere.
+Every host is a worker of this campaign's own Dask scheduler. A run goes to the host of its
+repetition (`assignment`). If that host dies, the attempt is lost, other hosts take over its runs,
+and the campaign tries to reconnect. Only this process writes results and ledger, so a host that
+dies leaves no partial results.
 """
 
 import sys
@@ -31,14 +31,14 @@ from slambed.spec.hosts import Host
 from slambed.spec.run_spec import RunSpec
 
 ASK_AGAIN_S = (10.0, 30.0, 60.0)
-"""Before each further time that a lost host is asked; the last one for ever."""
+"""Pauses between attempts to reconnect to a lost host; the last one repeats."""
 NONE_LEFT_S = 600.0
-"""A campaign whose hosts are all lost for so long ends."""
+"""A campaign ends after all its hosts have been lost for this long."""
 
 
 @dataclass
 class Place:
-    """A host of a campaign, and what it does."""
+    """A host of a campaign and its state."""
 
     host: Host
     connection: HostConnection
@@ -47,12 +47,12 @@ class Place:
 
 
 Rejoin = Callable[[Host], tuple[HostConnection, Joined]]
-"""Makes a host a worker once more; SlambedError where it is not back, or another one now."""
+"""Reconnects a host; raises SlambedError if it is still unreachable or has changed."""
 
 
 @dataclass
 class HostExecutor:
-    """Executes live runs on hosts; its `claim` says which may begin."""
+    """Executes live runs on hosts; `claim` decides which run may start."""
 
     places: dict[str, Place]
     client: Any
@@ -61,21 +61,21 @@ class HostExecutor:
     rejoin: Rejoin
     notify: Callable[[str], None]
     _claims: dict[str, Place] = field(default_factory=dict)
-    """Run key -> where it will be, or is, executed."""
+    """Run key -> host reserved for the run or executing it."""
     _all_lost_since_s: float | None = None
     _guard: threading.RLock = field(default_factory=threading.RLock)
     _over: threading.Event = field(default_factory=threading.Event)
     _ready: set[tuple[str, str]] = field(default_factory=set)
-    """(host, dataset) that is there."""
+    """(host, dataset) pairs whose sequence is already on the host."""
 
     @property
     def jobs(self) -> int:
-        """One run at a time on each."""
+        """One run at a time per host."""
         return len(self.places)
 
     def claim(self, spec: RunSpec) -> bool:
-        """Whether the run may begin now: then its host is kept free for it. Raises SlambedError
-        when no host is left."""
+        """Reserves a host for the run if it may start now. Raises SlambedError when no host is
+        left."""
         with self._guard:
             for place in self.places.values():
                 if place.state == "idle" and not place.connection.alive():
@@ -93,19 +93,19 @@ class HostExecutor:
             return True
 
     def release(self, spec: RunSpec) -> None:
-        """The run needs its host no more."""
+        """Releases the host of the run."""
         with self._guard:
             place = self._claims.pop(spec.run_key)
             if place.state == "busy":
                 place.state = "idle"
 
     def host_of(self, spec: RunSpec) -> str | None:
-        """Name of the host of a run that was claimed."""
+        """Returns the name of a claimed run's host."""
         with self._guard:
             return self._claims[spec.run_key].host.name
 
     def execute(self, spec: RunSpec, raw: Path, stop: threading.Event, attempt: int = 1) -> Summary:
-        """On the host that was claimed. KilledError when it dies meanwhile."""
+        """Executes the run on its reserved host. Raises KilledError if the host dies."""
         with self._guard:
             place = self._claims[spec.run_key]
         sequence, played_s = self.played[spec.dataset]
@@ -122,14 +122,14 @@ class HostExecutor:
         return found
 
     def _get(self, place: Place, stop: threading.Event, work: Any, *arguments: Any) -> Any:
-        """What `work` returns on a host."""
+        """Returns the result of `work` executed on a host."""
         future = self.client.submit(
             work, *arguments, pure=False, workers=[place.facts.worker], allow_other_workers=False
         )
         try:
             return result_of(future, stop, place.connection.alive)
         except InterruptedRunError:
-            # The others' threads do the same to theirs.
+            # The other threads close their connections in the same way.
             place.connection.close()
             raise
         except LostWorkerError as lost:
@@ -140,7 +140,7 @@ class HostExecutor:
         raise KilledError(line)
 
     def _lose(self, place: Place) -> str:
-        """A host that is gone; it is asked again beside the others' runs."""
+        """Marks a host as lost and starts a thread that tries to reconnect."""
         words = place.connection.last_words()
         line = f"host {place.host.name} is gone" + (f" ({words})" if words else "")
         if place.state != "lost":
@@ -183,14 +183,14 @@ class HostExecutor:
             )
 
     def close(self) -> None:
-        """Gives all hosts back."""
+        """Disconnects all hosts and ends the scheduler."""
         self._over.set()
         end_all([place.connection for place in self.places.values()])
         leave(self.client)
 
 
 def end_all(connections: list[HostConnection]) -> None:
-    """At once, because each may have a run to end."""
+    """Closes all connections in parallel, because each may have to end a run."""
     threads = [threading.Thread(target=each.close) for each in connections]
     for thread in threads:
         thread.start()
@@ -199,7 +199,7 @@ def end_all(connections: list[HostConnection]) -> None:
 
 
 def leave(client: Any) -> None:
-    """Ends the scheduler of a campaign."""
+    """Closes the client and ends the campaign's scheduler."""
     cluster = client.cluster
     with suppress(Exception):
         client.close()

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a campaign and its worker on a host (`host_worker`) say to each other before the worker is
-one of the scheduler's."""
+"""Messages between a campaign and its worker on a host (`host_worker`), before the worker joins
+the scheduler."""
 
 from typing import Annotated, Literal
 
@@ -10,79 +10,79 @@ from slambed.process.line_protocol import Message
 
 
 class AskPorts(Message):
-    """The first connection: what lies there, and which ports the second one may forward."""
+    """Request on the first connection: report the version and free ports to forward."""
 
     request: Literal["ports"] = "ports"
 
 
 class FreePorts(Message):
-    """The answer."""
+    """Answer."""
 
     reply: Literal["ports"] = "ports"
     scheduler: int
-    """Of the host's loopback: there the worker will find the scheduler."""
+    """Loopback port of the host at which the worker will reach the scheduler."""
     worker: int
-    """There it will listen."""
+    """Loopback port of the host that the worker will listen on."""
     harness: str
-    """Digest of the Python that lies there."""
+    """Digest of the harness's Python files on the host."""
 
 
 class JoinCampaign(Message):
-    """The second connection: be a worker of this campaign until the input ends."""
+    """Request on the second connection: be a worker of this campaign until the input ends."""
 
     request: Literal["join"] = "join"
     name: str
-    """Of the host."""
+    """Name of the host."""
     labels: list[str]
-    """Of the host."""
+    """Labels of the host."""
     engine: Literal["docker", "local"]
-    """That runs get there."""
+    """Engine of its runs."""
     cores: int | None
-    """CPUs that runs may use, the first ones; null: all."""
+    """Number of CPUs for runs, from the first one on; null: all."""
     scheduler: str
-    """Address of the scheduler as the host sees it."""
+    """Address of the scheduler as seen from the host."""
     port: int
-    """Of the host's loopback, to listen at; 0: any."""
+    """Loopback port of the host to listen on; 0: any."""
     contact: str | None
-    """Address of the worker as the scheduler sees it; null: where it listens."""
+    """Address of the worker as seen from the scheduler; null: its listening address."""
     certificate: str
-    """PEM, made for this campaign: who does not show it is not talked to."""
+    """PEM certificate of this campaign; peers without it are rejected."""
     key: str
-    """PEM, of the certificate."""
+    """PEM key of the certificate."""
     wait_s: float
-    """How long to wait for another campaign on the host to end."""
+    """How long to wait for the end of another campaign on the host."""
     quiet_s: float
-    """How long to wait for it to become quiet."""
+    """How long to wait for the host to become quiet."""
     measure: bool
-    """Whether limits will follow from the speed of the host."""
+    """Whether limits will be derived from the speed of the host."""
     take: bool
-    """Whether it shall execute runs: then it has the host's lock. False: it only answers, and the
-    host is left as it is."""
+    """Whether it will execute runs and therefore takes the host's lock. If false, it only
+    reports facts and changes nothing on the host."""
 
 
 class Joined(Message):
-    """The answer, when the host is the campaign's."""
+    """Answer when the host has joined the campaign."""
 
     reply: Literal["joined"] = "joined"
     worker: str
-    """Address that the scheduler knows the worker by."""
+    """Address of the worker, as known to the scheduler."""
     software: str
-    """Tag of what runs are made of there."""
+    """Software tag of runs on the host."""
     netem: bool
     """Whether its kernel has netem."""
     cpu_model: str
-    """As its kernel names it."""
+    """CPU model as the kernel reports it."""
     cpus: list[int]
-    """That runs may use."""
+    """CPUs that runs may use."""
     speed: float
-    """Of one core; 1 is a core of the reference host."""
+    """Speed of one core; 1 is a core of the reference host."""
     speed_measured_utc: str | None
-    """ISO 8601; null: never, it is taken for 1."""
+    """ISO 8601; null: not measured, 1 was assumed."""
     load: str
-    """How quiet it is, in words."""
+    """Load of the host, as text."""
     tidied: str
-    """What a killed campaign had left there, in words."""
+    """Leftovers of a killed campaign that were removed, as text."""
 
 
 Request = Annotated[AskPorts | JoinCampaign, Field(discriminator="request")]
-"""All that a worker understands."""
+"""All requests that a worker understands."""

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A live run on one of several hosts: what the worker there executes, and what travels."""
+"""A live run on one of several hosts: the data sent to the worker, and its execution there."""
 
 import hashlib
 import tempfile
@@ -26,49 +26,49 @@ from slambed.spec.run_spec import RunSpec
 
 @dataclass
 class ThisHost:
-    """What the worker's process knows of the host that it is on."""
+    """What the worker's process knows about its host."""
 
     engine: Engine
     open_link: LinkOpener
     facts: RunHost
     scratch: Path
     stop: threading.Event = field(default_factory=threading.Event)
-    """The campaign wants its host back."""
+    """Set when the campaign ends."""
     busy: threading.Lock = field(default_factory=threading.Lock)
-    """Held while there is a run in hand."""
+    """Held during a run."""
 
 
 _HERE: list[ThisHost] = []
 
 
 def begin(host: ThisHost) -> None:
-    """From here on this process executes runs."""
+    """Initializes this process for runs."""
     _HERE[:] = [host]
 
 
 @dataclass(frozen=True)
 class HostRun:
-    """A run as it travels to a host, which finds the rest where it is."""
+    """A run as it is sent to a host, which finds everything else locally."""
 
     spec: RunSpec
     sequence: Path
-    """Where the campaign has it."""
+    """Path of the sequence on the campaign's machine."""
     played_s: float
     command: list[str]
-    """What the user called."""
+    """Command line of the user."""
     attempt: int
     root: Path
-    """The campaign's checkout."""
+    """Checkout on the campaign's machine."""
     reference: bytes | None
     """Content of the path that the run is compared with."""
 
 
 def execute_there(run: HostRun) -> tuple[Summary, bytes]:
-    """On the host: executes the run; its summary and its packed folder."""
+    """Executes the run on the host; returns its summary and its packed folder."""
     (host,) = _HERE
     try:
         with host.busy, tempfile.TemporaryDirectory(dir=host.scratch) as scratch:
-            # Nodes are another user and must be able to enter.
+            # Nodes run as another user and need access.
             Path(scratch).chmod(0o755)
             raw = Path(scratch) / run.spec.run_key
             raw.mkdir()
@@ -81,7 +81,7 @@ def execute_there(run: HostRun) -> tuple[Summary, bytes]:
             add_facts(raw, {"host": host.facts.as_json(), "spec": kept})
             return summary, pack(raw)
     except InterruptedRunError:
-        # Whether somebody wanted that is for the campaign to know.
+        # Only the campaign knows whether this was intended.
         raise KilledError(f"host {host.facts.name}: the worker was asked to end") from None
     except SlambedError as error:
         error.args = (f"host {host.facts.name}: {error}",)
@@ -89,7 +89,7 @@ def execute_there(run: HostRun) -> tuple[Summary, bytes]:
 
 
 def prepare_there(spec: RunSpec, there: Path) -> None:
-    """Before the first run of a sequence: it is on the host, and the same."""
+    """Makes sure, before its first run, that the host has the same sequence."""
     (host,) = _HERE
     try:
         remote_sequence(spec, there)
@@ -98,7 +98,7 @@ def prepare_there(spec: RunSpec, there: Path) -> None:
 
 
 def foreign_there(experiment: Experiment, software: str) -> dict[str, str]:
-    """Tags of the systems that are programs of their own, as they lie on the host."""
+    """Returns the tags of systems with their own programs, as installed on the host."""
     (host,) = _HERE
     try:
         return software_of_foreign(experiment, Library(), host.engine, software)
@@ -107,7 +107,7 @@ def foreign_there(experiment: Experiment, software: str) -> dict[str, str]:
 
 
 def _at_home(run: HostRun, scratch: Path) -> RunSpec:
-    """The same run with the paths that this host has."""
+    """Returns the run with paths of this host."""
     changes: dict[str, object] = {}
     for name, digest in run.spec.inputs.items():
         path = Path(str(run.spec.params[name]))

@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A host's part of a campaign on several hosts: `python -m slambed.campaign.host_worker`.
+"""A host's side of a campaign on several hosts: `python -m slambed.campaign.host_worker`.
 
-The campaign starts it by ssh, or as a child where the host is `here`. It answers the messages of
-`host_messages`, a line each; after the second it is a worker of the campaign's Dask scheduler and
-has the lock of the host. It ends with its input, however the campaign or the connection dies, and
-the nodes of a run in hand end with it.
+The campaign starts it by ssh, or as a child if the host is `here`. It answers the messages of
+`host_messages`, one per line. After the second one it is a worker of the campaign's Dask scheduler
+and holds the lock of the host. It ends with its input, even if the campaign or the connection dies,
+and ends the nodes of its run.
 """
 
 import asyncio
@@ -46,15 +46,16 @@ from slambed.records.manifest import RunHost
 from slambed.spec.host_speed import HostSpeed, cpu_model, load_host_speed
 
 SCRATCH = "slambed-host-"
-"""Begins the names of the folders that runs are made in; a killed worker leaves its own."""
+"""Name prefix of the scratch folders of runs; a killed worker leaves its folder behind."""
 LOST_S = 60.0
-"""A scheduler that does not answer for so long will not any more."""
+"""A scheduler that is silent for this long is considered gone."""
 LAST_RUN_S = 30.0
-"""A run that was asked to end has this long to remove what it made."""
+"""Time for the last run to clean up after it was told to end."""
 
 
 def harness_digest() -> str:
-    """Of the Python that executes runs: what travels is only understood by the same."""
+    """Returns a digest of the harness's Python files: pickled objects need identical code on
+    both sides."""
     root = Path(slambed.__file__).parent
     digest = hashlib.sha256()
     for path in sorted(root.rglob("*.py")):
@@ -64,8 +65,8 @@ def harness_digest() -> str:
 
 
 def main() -> None:
-    """Two requests at most, then work until the input ends."""
-    # Whatever libraries print must not get between the answers.
+    """Answers up to two requests, then works until the input ends."""
+    # Output of libraries must not mix with the answers.
     answers = os.fdopen(os.dup(sys.stdout.fileno()), "w")
     os.dup2(sys.stderr.fileno(), sys.stdout.fileno())
     requests = LineReader(sys.stdin.fileno())
@@ -94,7 +95,7 @@ def _free_ports() -> tuple[int, int]:
 
 
 def _work(asked: JoinCampaign, requests: LineReader, answer: Callable[[Message], None]) -> None:
-    # Containers and links take half a second to load, which a question for ports does not need.
+    # Importing containers and links takes 0.5 s, which a request for ports does not need.
     from slambed.campaign.choose import check_privilege, choose_engine
     from slambed.campaign.quiet import wait_for_quiet
     from slambed.engines.docker_image import build_image
@@ -110,7 +111,7 @@ def _work(asked: JoinCampaign, requests: LineReader, answer: Callable[[Message],
         if asked.take:
             purpose = f"runs of a campaign that calls this host {asked.name}"
             notice = partial(_note, answer)
-            # The campaign that waits may end: then the input does.
+            # If the waiting campaign ends, so does the input.
             ended = partial(requests.next, 0.0)
             until_the_end.enter_context(
                 host_lock(purpose, wait_s=asked.wait_s, notify=notice, meanwhile=ended)
@@ -125,7 +126,7 @@ def _work(asked: JoinCampaign, requests: LineReader, answer: Callable[[Message],
         server_folder.sweep(SCRATCH)
         scratch = until_the_end.enter_context(tempfile.TemporaryDirectory(prefix=SCRATCH))
         until_the_end.callback(os.close, server_folder.locked(Path(scratch)))
-        Path(scratch).chmod(0o755)  # nodes are another user and must be able to enter
+        Path(scratch).chmod(0o755)  # nodes run as another user and need access
         facts = RunHost(
             name=asked.name,
             labels=asked.labels,
@@ -160,7 +161,7 @@ def _note(answer: Callable[[Message], None], line: str) -> None:
 
 
 def _choose_cpus(cores: int | None) -> list[int]:
-    """Runs get these, and whatever this process starts."""
+    """Restricts this process and its children, which include the runs, to these CPUs."""
     cpus = sorted(os.sched_getaffinity(0))
     if cores is None:
         return cpus
@@ -171,7 +172,7 @@ def _choose_cpus(cores: int | None) -> list[int]:
 
 
 def _speed(measure: bool) -> HostSpeed:
-    """What was measured of this host, once it is needed."""
+    """Returns the speed of this host, measured now if that is required and missing."""
     speed = load_host_speed()
     if measure and speed.measured_utc is None:
         command = [sys.executable, "-c", "from slambed.commands.main import main; main()"]
@@ -188,7 +189,7 @@ def _speed(measure: bool) -> HostSpeed:
 async def _serve(
     asked: JoinCampaign, host: ThisHost, requests: LineReader, joined: Callable[[str], None]
 ) -> None:
-    """A worker with one thread, until the campaign or its scheduler is gone."""
+    """Runs a worker with one thread until the campaign or its scheduler has gone."""
     distributed = imported("distributed", "--hosts")
     security = imported("distributed.security", "--hosts").Security(
         tls_ca_file=asked.certificate,
@@ -196,7 +197,7 @@ async def _serve(
         tls_worker_key=asked.key,
         require_encryption=True,
     )
-    # What is worth a line here is reported by ssh or by the answer.
+    # ssh or the answer already reports everything that matters.
     logging.getLogger("distributed").setLevel(logging.CRITICAL)
     worker = distributed.Worker(
         asked.scheduler,
@@ -233,7 +234,7 @@ async def _serve(
     waiting = {asyncio.create_task(work) for work in (ended.wait(), worker.finished())}
     await asyncio.wait(waiting, return_when=asyncio.FIRST_COMPLETED)
     end()
-    # The run in hand removes its nodes, its link and its groups.
+    # The current run first removes its nodes, link and cgroups.
     if await asyncio.to_thread(host.busy.acquire, timeout=LAST_RUN_S):
         host.busy.release()
     await worker.close(timeout=5)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""From hosts.yaml to a campaign's hosts: joined, and fit to execute the same runs."""
+"""The hosts of a campaign: joined, and checked to execute identical runs."""
 
 import tempfile
 from collections.abc import Callable, Iterator
@@ -21,9 +21,9 @@ from slambed.spec.hosts import Host
 from slambed.spec.software import host_software, image_software
 
 WAIT_S = 1e9
-"""For another campaign on a host, with --wait."""
+"""Timeout for another campaign on a host with --wait: practically infinite."""
 REJOIN_WAIT_S = 60.0
-"""The same of a host that comes back: its last worker may be ending."""
+"""The same timeout for a host that comes back: its last worker may still be ending."""
 
 
 class JoinedHosts:
@@ -38,9 +38,9 @@ class JoinedHosts:
         measure: bool = False,
         take: bool = True,
     ) -> None:
-        """`wait`: for other campaigns on them; `quiet_s`: how long to wait for each to become
-        quiet; `measure`: limits will follow from their speed; `take`: they will execute runs, not
-        only say what they are."""
+        """`wait`: wait for other campaigns on the hosts; `quiet_s`: how long to wait for each
+        host to become quiet; `measure`: limits will be derived from their speed; `take`: they
+        will execute runs instead of only reporting facts."""
         self._notify = notify
         self._quiet_s = quiet_s
         self._measure = measure
@@ -70,17 +70,17 @@ class JoinedHosts:
 
     @property
     def engine(self) -> str:
-        """Of all of them."""
+        """The common engine of the hosts."""
         return next(iter(self.places.values())).host.engine
 
     @property
     def netem(self) -> bool:
-        """Whether all kernels have it: a link is the same wherever a run is executed."""
+        """Whether all kernels have netem: a link must be the same on all hosts."""
         return all(place.facts.netem for place in self.places.values())
 
     def foreign(self, experiment: Experiment) -> dict[str, str]:
-        """Tags of systems that are programs of their own. Raises SlambedError where a host has
-        another one than the others."""
+        """Returns the tags of systems with their own programs. Raises SlambedError if hosts
+        differ."""
         found: dict[str, dict[str, str]] = {}
         for name, place in self.places.items():
             found[name] = self._client.submit(
@@ -101,7 +101,7 @@ class JoinedHosts:
         return found[first]
 
     def executor(self, played: Played, seed: int) -> HostExecutor:
-        """What executes the plan's runs on them."""
+        """Returns the executor of the plan's runs."""
         return HostExecutor(self.places, self._client, played, seed, self._rejoin, self._notify)
 
     def __enter__(self) -> Self:
@@ -139,10 +139,11 @@ class JoinedHosts:
         return connection, facts
 
     def _one_software(self) -> str:
-        """That of this checkout: the plan is made of its files."""
+        """Returns the software tag of this checkout, whose files make up the plan. Raises if a
+        host has another one."""
         ours = image_software()
         if self.engine == "local":
-            with suppress(SlambedError):  # not built here, where no run is made
+            with suppress(SlambedError):  # may not be built on this machine, which executes no run
                 ours = host_software()
         for name, place in self.places.items():
             if place.facts.software != ours:
@@ -155,8 +156,8 @@ class JoinedHosts:
 
 @contextmanager
 def _ending(connections: dict[str, HostConnection]) -> Iterator[None]:
-    """Whatever goes wrong, or Ctrl-C, ends those that are still waiting for their host: their
-    threads would be waited for."""
+    """On an error or Ctrl-C, ends connections that still wait for their host: otherwise the exit
+    would wait for their threads."""
     try:
         yield
     except BaseException:
@@ -165,7 +166,7 @@ def _ending(connections: dict[str, HostConnection]) -> Iterator[None]:
 
 
 def _own_scheduler(keys: Credentials) -> Any:
-    """A client of a scheduler in this process, on the loopback, that has no worker yet."""
+    """Returns a client of a new scheduler in this process, on loopback, without workers."""
     distributed = imported("distributed", "--hosts")
     security = imported("distributed.security", "--hosts").Security(
         tls_ca_file=keys.certificate,

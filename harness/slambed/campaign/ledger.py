@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The history of a campaign: one JSON object per line, appended and flushed to disk.
+"""The history of a campaign: one JSON object per line, appended and synced to disk.
 
-The run folders are the truth about what exists; the ledger reports how it came about.
+The run folders define which runs exist; the ledger reports how they came about.
 """
 
 import json
@@ -17,23 +17,23 @@ def utc_now() -> str:
 
 
 class Ledger:
-    """Appends to ledger.jsonl."""
+    """Reads and appends to ledger.jsonl."""
 
     def __init__(self, path: Path) -> None:
         self.path = path
 
     def append(self, event: str, **fields: Any) -> None:
-        """One line, on disk when this returns."""
+        """Appends one line and syncs it to disk."""
         line = json.dumps({"time_utc": utc_now(), "event": event, "pid": os.getpid(), **fields})
         with self.path.open("ab") as out:
             if out.tell() > 0 and not self._ends_with_newline():
-                out.write(b"\n")  # A killed writer left half a line: keep it apart.
+                out.write(b"\n")  # Keeps the partial line of a killed writer separate.
             out.write(line.encode() + b"\n")
             out.flush()
             os.fsync(out.fileno())
 
     def read(self) -> list[dict[str, Any]]:
-        """All whole lines; a torn one is skipped."""
+        """Returns all complete lines; a truncated one is skipped."""
         entries: list[dict[str, Any]] = []
         if not self.path.exists():
             return entries
@@ -47,7 +47,7 @@ class Ledger:
         return entries
 
     def attempts(self, run_key: str) -> int:
-        """How often a run was started."""
+        """Returns how often a run was started."""
         return sum(
             1 for e in self.read() if e["event"] == "run_started" and e.get("run_key") == run_key
         )

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What executes live runs on this host."""
+"""Executor of live runs on this host."""
 
 import sys
 import threading
@@ -19,17 +19,18 @@ from slambed.spec.run_spec import RunSpec
 
 @dataclass
 class LiveExecutor:
-    """Two nodes and a link on this host, one run at a time."""
+    """Runs two nodes and a link on this host, one run at a time."""
 
     engine: Engine
     open_link: LinkOpener
     played: Played
     jobs: int = 1
     command: list[str] = field(default_factory=lambda: sys.argv)
-    """What the user called: this process may be another's worker."""
+    """Command line of the user; differs from sys.argv in a worker process."""
 
     def execute(self, spec: RunSpec, raw: Path, stop: threading.Event, attempt: int = 1) -> Summary:
-        """In the calling thread. PassingError when the daemon or a sidecar of the run fails."""
+        """Executes the run in the calling thread. Raises PassingError if the Docker daemon or a
+        sidecar fails."""
         sequence, played_s = self.played[spec.dataset]
         host = load_host_speed()
         if spec.host_speed not in (None, host.speed):
@@ -46,4 +47,4 @@ class LiveExecutor:
             return add_summary(spec, raw, sequence, engine, self.command, start, result, attempt)
 
     def close(self) -> None:
-        """Nothing outlives a live run."""
+        """Does nothing: nothing outlives a live run."""

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The plan of live runs on this host: as a campaign makes it, which has the host, and as one looks
-ahead, beside whatever campaign has it."""
+"""The plan of live runs on this host: for a campaign, which has locked the host, and for a
+preview, which works alongside another campaign."""
 
 from collections.abc import Callable
 
@@ -25,7 +25,7 @@ def plan_of(
     notify: Callable[[str], None],
     board: Board | None,
 ) -> Plan:
-    """Of runs on this engine."""
+    """Returns the plan of runs on this engine."""
     experiment, _, library, _ = files
     foreign = software_of_foreign(experiment, library, engine, software)
     return make_plan(
@@ -41,8 +41,8 @@ def look_ahead(
     console: Console,
     notify: Callable[[str], None],
 ) -> Plan:
-    """The plan, without taking host or board: no image is built and nothing is cleaned. What its
-    keys need, sequences and inputs, is made where it is not there."""
+    """Returns the plan without taking host or board: builds no image and cleans nothing.
+    Sequences and inputs that run keys depend on are created if they are missing."""
     engine, software = choose_engine(asked, console, build=None)
     roles = files[0].roles
     board = None if roles is None else look_at_board(roles.mobile)
@@ -50,7 +50,8 @@ def look_ahead(
 
 
 def as_it_is(files: Files, asked: str, count: int) -> Plan:
-    """The same from inputs that are there; SlambedError where one would have to be made."""
+    """Returns the plan from existing inputs. Raises SlambedError if one would have to be
+    created."""
     library = files[2]
     return look_ahead(
         files,
@@ -63,7 +64,8 @@ def as_it_is(files: Files, asked: str, count: int) -> Plan:
 
 
 def without_making(files: Files, asked: str, count: int) -> Plan | None:
-    """The same; None where it is unknown, which whoever takes the host hears of."""
+    """Returns the plan from existing inputs, or None; the campaign reports the error once it has
+    the host."""
     try:
         return as_it_is(files, asked, count)
     except SlambedError:

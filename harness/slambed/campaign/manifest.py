@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""manifest.json: under which circumstances a run was made (docs/formats.md)."""
+"""manifest.json: the circumstances of a run (docs/reference/manifest.md)."""
 
 import json
 import os
@@ -19,7 +19,7 @@ from slambed.records.manifest import EngineFacts, Manifest, RunHost
 from slambed.spec.host_speed import cpu_model
 from slambed.spec.run_spec import RunSpec
 
-# Packages whose version can change a figure in a result.
+# Packages whose version can change a result.
 PACKAGES = ("numpy", "scipy", "pandas", "pyarrow", "pyroute2", "docker")
 
 
@@ -33,8 +33,8 @@ def manifest(
     attempt: int,
     frames_offered: int | None,
 ) -> Manifest:
-    """All facts about one run that are known before its files are read. `command`: what the user
-    called."""
+    """Returns all facts about one run that are known before its files are read. `command` is the
+    user's command line."""
     commit, dirty = git_state()
     return Manifest(
         run_key=spec.run_key,
@@ -55,7 +55,7 @@ def manifest(
         tree=str(repository_root()),
         command=command,
         image_id=engine.image_id,
-        # What an engine says nothing of stays out of the file.
+        # Facts that the engine does not set stay out of the file.
         **engine.model_dump(exclude={"image_id"}),
         sequence_checksum=spec.sequence_checksum,
         seed=spec.seed,
@@ -71,27 +71,27 @@ def manifest(
 
 
 def of_board(board: BoardFacts | None) -> dict[str, Any]:
-    """The board of a run's mobile node, which is the host that tables name, too."""
+    """Returns the board of a run's mobile node, also as the host that tables name."""
     if board is None:
         return {}
     return {"board": board, "host": RunHost(name=board.name, cpus=list(range(board.cores)))}
 
 
 def add_plans(raw: Path, plans: dict[str, dict[str, str]]) -> None:
-    """Which registered plans this attempt was made under. They are no part of what the run means:
-    a run that an older plan had executed keeps saying so to whoever reuses it."""
+    """Adds the registered plans of this attempt. They are not part of the run key: a reused run
+    keeps the plans under which it was executed."""
     add_facts(raw, {"plans": plans})
 
 
 def add_facts(raw: Path, further: dict[str, Any]) -> None:
-    """What only the campaign knows of an attempt, in the place of what is there."""
+    """Adds or replaces facts that only the campaign knows."""
     path = raw / "manifest.json"
     if (facts := read_object(path)) is not None:
         path.write_text(json.dumps(facts | further, indent=1, allow_nan=False) + "\n")
 
 
 def installed_commit() -> tuple[str | None, bool | None]:
-    """What an installed package was made from, as setup.py has written it."""
+    """Returns the commit of an installed package, as written by setup.py."""
     try:
         commit, _, state = (repository_root() / "commit").read_text().strip().partition(" ")
     except OSError:
@@ -101,11 +101,11 @@ def installed_commit() -> tuple[str | None, bool | None]:
 
 @cache
 def git_state() -> tuple[str | None, bool | None]:
-    """Commit of the checkout and whether tracked files differ from it; None outside of git."""
+    """Returns the commit of the checkout and whether tracked files differ; None outside of git."""
     if is_installed():
         return installed_commit()
     root = str(repository_root())
-    # Under sudo the checkout belongs to another user, which git refuses without this.
+    # Under sudo the checkout belongs to another user, which git refuses without this option.
     git = ["git", "-c", f"safe.directory={root}", "-C", root]
     try:
         commit = subprocess.run(
@@ -124,7 +124,7 @@ def git_state() -> tuple[str | None, bool | None]:
 
 @cache
 def versions() -> dict[str, str | None]:
-    """slambed, Python and the packages that compute figures."""
+    """Returns the versions of slambed, Python and the packages that compute metrics."""
     found: dict[str, str | None] = {
         "slambed": __version__,
         "python": platform.python_version(),

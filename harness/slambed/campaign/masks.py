@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What segments in the runs of a plan: virtual runs need masks, made once per sequence and then
-reused; live ones the network itself."""
+"""Segmentation of the runs of a plan: virtual runs need masks, computed once per sequence and
+then reused; live runs use the network itself."""
 
 from collections.abc import Callable, Iterable
 from functools import partial
@@ -15,16 +15,17 @@ from slambed.spec.masks import Masks, MasksAsked
 
 Notify = Callable[[str], None]
 PROGRESS_EVERY = 500
-"""Pictures between two lines: about a quarter of a minute on a core."""
+"""Pictures between two progress lines: about 15 s on one core."""
 
 
 def make_masks(
     asked: Iterable[MasksAsked], sequences: dict[str, Sequence], notify: Notify
 ) -> dict[tuple[str, MasksAsked], Masks]:
-    """(name, what is asked for) -> masks, of every sequence by its name in the experiment.
+    """Returns (name, settings) -> masks for every sequence by its name in the experiment.
 
-    Raises SlambedError for a network that is not known, has no file or another checksum, and for
-    the truth of a sequence that has none."""
+    Raises SlambedError for an unknown network, one without a file or with a wrong checksum, and for
+    the ground truth of a sequence that has none.
+    """
     return {
         (name, want): _masks(want, sequence, notify)
         for want in asked
@@ -33,7 +34,7 @@ def make_masks(
 
 
 def _masks(want: MasksAsked, sequence: Sequence, notify: Notify) -> Masks:
-    from slambed.segment.masks import is_made, mask_cache, mask_key  # OpenCV: few runs need it
+    from slambed.segment.masks import is_made, mask_cache, mask_key  # loads OpenCV
 
     prepared = PreparedSequence.open(sequence.path)
     parts = (prepared, want.network, want.quality, want.n_m)
@@ -53,9 +54,10 @@ def _masks(want: MasksAsked, sequence: Sequence, notify: Notify) -> Masks:
 def networks_of(
     asked: Iterable[MasksAsked], sequences: Iterable[str]
 ) -> dict[tuple[str, MasksAsked], Masks]:
-    """The same for live runs, which segment what they send and see no mask cache.
+    """Returns the same for live runs, which segment pictures online and use no mask cache.
 
-    Raises SlambedError for the truth, which no picture shows, and as make_masks does."""
+    Raises SlambedError for ground truth, which only virtual runs can use, and like make_masks.
+    """
     made: dict[tuple[str, MasksAsked], Masks] = {}
     names = list(sequences)
     for want in asked:

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What runs found, as one file that another machine goes on from.
+"""Packs results into one file, so that another machine can continue.
 
-A campaign of thousands of runs takes longer than one machine may be at hand. Summaries and
-manifests are all that resuming, tables and verdicts need, and take a few hundred bytes a run.
+A campaign of thousands of runs may outlast the machine it started on. Resuming, tables and verdicts
+need only summaries and manifests, a few hundred bytes per run.
 """
 
 import io
@@ -20,16 +20,17 @@ from slambed.errors import SlambedError, environment_error
 from slambed.files.atomic import replacing
 
 NEEDED = ("manifest.json", "summary.json")
-"""Of a run: what it takes to know that it is there, and all its numbers."""
+"""Files that prove that a run exists and hold all its metrics."""
 UNREADABLE = (tarfile.TarError, LZMAError, zlib.error, EOFError)
 
 
 def pack(results: Path, names: list[str], file: Path, whole: bool) -> tuple[int, int]:
-    """Writes the valid runs that the plans of these experiments name; how many, and its bytes.
+    """Writes the valid runs in the plans of these experiments; returns their number and the file
+    size.
 
-    The same runs give the same bytes: order by name, no times, no owners.
+    The output is reproducible: entries are sorted and have no times or owners.
 
-    Raises SlambedError where an experiment is not there, or the file cannot be written.
+    Raises SlambedError for an unknown experiment or if the file cannot be written.
     """
     named = dict(plans(results))
     if missing := [name for name in names if name not in named]:
@@ -54,12 +55,10 @@ def pack(results: Path, names: list[str], file: Path, whole: bool) -> tuple[int,
 
 
 def unpack(file: Path, results: Path) -> tuple[int, int]:
-    """Puts the runs of a file into a results folder; how many it has, and how many were new.
+    """Adds the runs of a file to a results folder; returns the number of runs and of new ones.
 
-    What is there and valid stays as it is, and so does an experiment's plan.
-
-    Raises SlambedError where the file is not one of `pack`, or torn; whole runs before the tear are
-    kept.
+    Existing valid runs and existing plans are kept. Raises SlambedError for a file that `pack` did
+    not write, or a truncated one; its complete runs are kept.
     """
     store = RunStore(results)
     store.open()
@@ -102,8 +101,8 @@ Files = dict[PurePosixPath, bytes]
 
 
 def _members(file: Path) -> Iterator[tuple[PurePosixPath, Files]]:
-    """Runs and experiments one after the other: the folder of each, and its files by their path in
-    it. A folder is given when its last file was read, so that a torn one is not."""
+    """Yields runs and experiments: the folder of each, and its files by relative path. A folder
+    is yielded after its last file was read, so never an incomplete one."""
     place, files = None, Files()
     with _readable(file) as stream:
         for member in stream:
@@ -139,7 +138,7 @@ def _readable(file: Path) -> Iterator[tarfile.TarFile]:
 
 
 def _take_run(store: RunStore, key: str, files: Files) -> bool:
-    """Whether it was put there."""
+    """Returns whether the run was added."""
     if missing := [name for name in NEEDED if PurePosixPath(name) not in files]:
         raise SlambedError(f"run {key} has no {missing[0]}; pack it again")
     if store.state(key) == "valid":

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""From an experiment's file to the runs that it stands for on this host."""
+"""From an experiment file to its runs on this host."""
 
 import hashlib
 from collections.abc import Callable, Mapping
@@ -43,27 +43,27 @@ from slambed.spec.software import software_of_systems
 from slambed.spec.system import System
 
 Provider = Callable[[str], Path]
-"""Name of a prepared input -> its file, made now where it is missing."""
+"""Name of a prepared input -> its file, which is created if missing."""
 
 
 Files = tuple[Experiment, YamlSource, Library, list[NamedProfile]]
-"""An experiment with what was read for it."""
+"""An experiment and everything read for it."""
 
 
 @dataclass
 class Plan:
-    """An experiment made definite on this host."""
+    """An experiment resolved for this host."""
 
     experiment: Experiment
     specs: list[RunSpec]
     sequences: dict[str, Sequence]
     circumstances: Circumstances
     left_out: list[str]
-    """Datasets that are not here and that the experiment can do without, with what to do."""
+    """Skipped datasets that are not on this machine, with how to get them."""
 
 
 def repetitions(experiment: Experiment, asked: int | str | None) -> int:
-    """Runs per cell: a number, `paper`, or what the experiment says."""
+    """Returns the runs per cell: a number, `paper`, or the experiment's default."""
     if asked is None or asked == "default":
         return experiment.runs.default
     if asked == "paper":
@@ -78,7 +78,7 @@ def repetitions(experiment: Experiment, asked: int | str | None) -> int:
 def check(
     experiment: Experiment, source: YamlSource, library: Library, engine: str = ""
 ) -> list[NamedProfile]:
-    """Finds what is wrong with an experiment without preparing or starting anything."""
+    """Validates an experiment without preparing or starting anything."""
     profiles = read_profiles(experiment, source, read_profile)
     _check_profiles(experiment, source, profiles)
     kept = _kept_sequences(experiment)
@@ -98,8 +98,8 @@ def check(
 
 
 def _kept_sequences(experiment: Experiment) -> dict[str, Sequence]:
-    """Of its datasets those that an earlier experiment prepared. What is unknown of a dataset
-    is not complained of here."""
+    """Returns the datasets that are already prepared. Errors about a dataset are not reported
+    here."""
     kept: dict[str, Sequence] = {}
     for name in experiment.datasets:
         with suppress(SlambedError):
@@ -111,7 +111,7 @@ def _kept_sequences(experiment: Experiment) -> dict[str, Sequence]:
 def _check_profiles(
     experiment: Experiment, source: YamlSource, profiles: list[NamedProfile]
 ) -> None:
-    """To a board there is a real link: none can be emulated."""
+    """A board has a real link, which cannot be emulated."""
     if experiment.roles is None:
         return
     for index, profile in enumerate(profiles):
@@ -125,8 +125,8 @@ def _check_profiles(
 
 
 def notes(experiment: Experiment, library: Library) -> list[str]:
-    """What is played instead of datasets that are not on this machine, and how to get those; what
-    the experiment leaves to a default; and what nobody can measure of its systems."""
+    """Returns remarks on replaced datasets and how to get the originals, defaults that the
+    experiment relies on, and what cannot be measured for its systems."""
     stand_ins = [line for line in map(stand_in, experiment.datasets) if line]
     return (
         assumed(experiment)
@@ -141,7 +141,7 @@ def notes(experiment: Experiment, library: Library) -> list[str]:
 
 
 def _of_board(experiment: Experiment) -> list[str]:
-    """What does not hold for a mobile node on a board."""
+    """Returns a remark on settings that do not apply to a mobile node on a board."""
     if experiment.roles is None:
         return []
     given = [experiment.devices.mobile, *(choice.devices.mobile for choice in experiment.systems)]
@@ -156,7 +156,7 @@ def _of_board(experiment: Experiment) -> list[str]:
 
 
 def _readers(experiment: Experiment, library: Library) -> list[System]:
-    """Its systems that read a recorded folder, each once."""
+    """Returns its systems that read a recorded folder, each once."""
     named = dict.fromkeys(choice.system for choice in experiment.systems)
     systems = [library.system(name) for name in named]
     return [s for s in systems if s.runtime is not None and s.runtime.reads is not None]
@@ -173,7 +173,7 @@ def _check_readers(experiment: Experiment, source: YamlSource, library: Library)
 
 
 def planned_runs(experiment: Experiment, source: YamlSource, library: Library) -> int:
-    """How many runs an experiment stands for where all its datasets are."""
+    """Returns the number of runs if all datasets are available."""
     profiles = read_profiles(experiment, source, read_profile)
     cells = _expand_unprepared(experiment, source, library, profiles, experiment.engine)
     return len(cells) * repetitions(experiment, None)
@@ -187,9 +187,9 @@ def _expand_unprepared(
     engine: str,
     kept: Mapping[str, Sequence] = MappingProxyType({}),
 ) -> list[RunSpec]:
-    """The first run of every cell, before anything is known of the host, and of datasets only what
-    an earlier experiment left."""
-    # Not prepared yet: its name stands for its content.
+    """Returns the first run of every cell, without knowledge of the host, and with only the
+    datasets that are already prepared."""
+    # An unprepared dataset is identified by its name instead of its content.
     nowhere = {
         name: (kept[name].id if name in kept else name, name) for name in experiment.datasets
     }
@@ -203,7 +203,7 @@ def _expand_unprepared(
 
 
 def wants_maps(experiment: Experiment) -> bool:
-    """Whether any system starts in the prior map of the dataset that it plays."""
+    """Returns whether any system starts with the prior map of its dataset."""
     return any(inputs.FROM_DATASET in choice.params.values() for choice in experiment.systems)
 
 
@@ -215,7 +215,7 @@ def _of_dataset(error: SlambedError, source: YamlSource, index: int) -> SlambedE
 def _check_sensor(
     sensor: str, experiment: Experiment, source: YamlSource, library: Library, index: int
 ) -> None:
-    """Every system must play what the dataset was recorded with."""
+    """Checks that every system supports the sensor of the dataset."""
     for choice in experiment.systems:
         sensors = library.system(choice.system).sensors
         if sensor not in sensors:
@@ -241,14 +241,14 @@ def make_plan(
     netem: bool | None = None,
     board: Board | None = None,
 ) -> Plan:
-    """Prepares the datasets, what their files name for their runs, and the masks of virtual runs;
+    """Prepares the datasets, the inputs that their files name, and the masks of virtual runs;
     expands the matrix.
 
-    `judged`: with the reference that runs are compared with. Without `provide` no input is made.
-    `foreign`: tags of the systems that are programs of their own. `notify`: hears of long work.
-    `netem`: whether the hosts that execute the runs have it, where there are several; None: this
-    one executes them, and its speed is part of what they mean. `board`: what executes the mobile
-    nodes, where the experiment asks for one.
+    `judged`: also prepare the reference that runs are compared with. Without `provide` no input is
+    created. `foreign`: tags of systems with their own programs. `notify` is called before long
+    work. `netem`: whether all of several hosts have netem; None means that this host executes the
+    runs, and its speed enters their keys. `board`: the machine of the mobile nodes, if the
+    experiment selects one.
     """
     sequences: dict[str, Sequence] = {}
     names: dict[str, tuple[str, str]] = {}
@@ -313,7 +313,7 @@ def make_plan(
 
 
 def masks_asked(experiment: Experiment, library: Library) -> list[MasksAsked]:
-    """What the systems of an experiment want segmented, each once."""
+    """Returns the distinct segmentation settings of the experiment's systems."""
     found: dict[MasksAsked, None] = {}
     for choice in experiment.systems:
         system = library.system(choice.system)
@@ -327,8 +327,8 @@ def masks_asked(experiment: Experiment, library: Library) -> list[MasksAsked]:
 def experiment_json(
     plan: Plan, source: YamlSource, ordered: list[RunSpec], before: dict[str, Any]
 ) -> dict[str, Any]:
-    """The experiment as run: the file's content, what the host decided, every run in its order;
-    and, from the file `before`, what other engines were last asked to execute."""
+    """Returns the experiment as executed: the file's content, the host's decisions, all runs in
+    order, and the last planned runs of other engines from the file `before`."""
     return {
         "experiment": plan.experiment.model_dump(mode="json"),
         "file": {

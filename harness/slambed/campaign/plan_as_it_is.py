@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The plan that `slambed run NAME` would follow now, without making anything: no sequence, no
-input, no masks, no image."""
+"""The plan that `slambed run NAME` would follow now, without creating any sequence, input, mask
+or image."""
 
 from slambed.campaign.datasets import must_be_made
 from slambed.campaign.plan import Files, Plan, check, make_plan, masks_asked, repetitions
@@ -15,8 +15,8 @@ from slambed.spec.software import host_software
 
 
 def plan_as_it_is(experiment: Experiment, source: YamlSource, library: Library) -> Plan:
-    """Raises SlambedError for a mistake in the file, and where what runs are called hangs on
-    something that has to be made first, or that this host refuses."""
+    """Raises SlambedError for a mistake in the file, for a missing input that the run keys
+    depend on, and for an engine that this host refuses."""
     asked = experiment.engine
     count = repetitions(experiment, None)
     files = (experiment, source, library, check(experiment, source, library, asked))
@@ -25,7 +25,7 @@ def plan_as_it_is(experiment: Experiment, source: YamlSource, library: Library) 
             raise SlambedError(f"dataset {name} is not prepared")
     if asked == VIRTUAL:
         return _virtual(files, count)
-    # Containers and links take half a second to load, which virtual runs do not need.
+    # Importing containers and links takes 0.5 s, which virtual runs do not need.
     from slambed.campaign.live_plan import as_it_is
 
     return as_it_is(files, asked, count)

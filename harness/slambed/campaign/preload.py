@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What the fork server of virtual runs has ready before the first of them is forked.
+"""Modules and caches that the fork server of virtual runs loads before it forks the first run.
 
-Every run has a process of its own: what is read, parsed and imported here, once, would else be
-done by each of them. It lives as long as the harness, for which all of it holds as well.
+Otherwise every worker process would load them itself. The server lives as long as the harness, so
+cached values stay correct.
 """
 
 import gc
@@ -21,15 +21,14 @@ from slambed.spec.library import Library
 MODULES = (
     *("slambed.campaign.processes", "slambed.campaign.raw_folder"),
     *("pyarrow.dataset", "pyarrow.pandas_compat", "scipy.spatial.transform"),
-    # The program that the user called is imported by the process of every run.
+    # The process of every run imports the user's main program.
     "slambed.commands.main",
 )
-"""What executes a run, and what it would import late."""
+"""What executes a run, and what that would import lazily."""
 
 
 def prepare() -> None:
-    """Fills what is cached per process. A system whose file is wrong is reported by who asks for
-    it."""
+    """Fills the per-process caches. An invalid system.yaml is reported later by its user."""
     for name in MODULES:
         importlib.import_module(name)
     git_state()
@@ -38,7 +37,7 @@ def prepare() -> None:
     for system in Library().systems():
         with suppress(SlambedError):
             metrics_of(system)
-    # What is here now stays: the collector of a run need not look at it again and again.
+    # Excludes existing objects from garbage collection in the runs.
     gc.collect()
     gc.freeze()
 
@@ -46,7 +45,8 @@ def prepare() -> None:
 def half_a_request(
     kind: type[BaseException], error: BaseException, trace: TracebackType | None
 ) -> None:
-    """What a harness leaves that is killed while it asks for a process. Nobody waits for it."""
+    """Silences the error when a killed harness leaves an incomplete request: nobody waits for
+    it."""
     if not issubclass(kind, EOFError | ConnectionError | pickle.UnpicklingError):
         sys.__excepthook__(kind, error, trace)
 

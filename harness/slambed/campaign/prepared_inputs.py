@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Files that runs need and other runs make: made once, kept under a key, verified before use."""
+"""Input files of runs that are produced by other runs: created once, cached by key, verified
+before use."""
 
 import hashlib
 import json
@@ -35,7 +36,7 @@ Notify = Callable[[str], None]
 
 @dataclass(frozen=True)
 class PreparedInput:
-    """A file that a recipe stands for, with what is known of its making."""
+    """The file of a recipe, with the record of its creation."""
 
     file: Path
     sha256: str
@@ -43,14 +44,14 @@ class PreparedInput:
 
 
 def inputs_folder() -> Path:
-    """Where prepared inputs are kept."""
+    """Returns the cache folder of prepared inputs."""
     return cache_folder() / "inputs"
 
 
 def prepare_input(name: str, library: Library, notify: Notify) -> PreparedInput:
-    """The file of a recipe, from the cache or made now by its run.
+    """Returns the file of a recipe, from the cache or created now by its run.
 
-    Raises SlambedError where the run does not meet the recipe's conditions; nothing is kept then.
+    Raises SlambedError if the run does not meet the recipe's conditions; then nothing is kept.
     """
     plan, recipe = _plan(name, library, lambda other: prepare_input(other, library, notify).file)
     folder = inputs_folder() / f"{recipe.id}-{_key(plan, recipe)}"
@@ -66,7 +67,7 @@ def prepare_input(name: str, library: Library, notify: Notify) -> PreparedInput:
 
 
 def kept_input(name: str, library: Library) -> PreparedInput:
-    """The same where it is in the cache; SlambedError where it would have to be made."""
+    """Returns the file from the cache. Raises SlambedError if it would have to be created."""
     plan, recipe = _plan(name, library, lambda other: kept_input(other, library).file)
     ready = _open(inputs_folder() / f"{recipe.id}-{_key(plan, recipe)}", recipe)
     if ready is None:
@@ -75,8 +76,8 @@ def kept_input(name: str, library: Library) -> PreparedInput:
 
 
 def find_prepared(name: str) -> list[PreparedInput]:
-    """Every file that was ever made of a recipe and is still there, newest first; whether it
-    belongs to the sources and data of today is not asked."""
+    """Returns every existing file of a recipe, newest first, including those of other sources or
+    data."""
     found = []
     for record in inputs_folder().glob(f"{name}-*/{RECORD}"):
         content = object_or_empty(record)
@@ -86,7 +87,7 @@ def find_prepared(name: str) -> list[PreparedInput]:
 
 
 def _silent(line: str) -> None:
-    """Nobody hears of it."""
+    """Does nothing."""
 
 
 def _plan(name: str, library: Library, provide: Provider) -> tuple[Plan, InputRecipe]:
@@ -110,13 +111,13 @@ def _plan(name: str, library: Library, provide: Provider) -> tuple[Plan, InputRe
     if library.system(recipe.system).has_edge:
         raise source.complaint(f"system {recipe.system} has an edge: inputs are made by one node")
     software = host_software(program=SIMULATION)
-    # An input is judged by its conditions: a reference that is being made has none of its own.
+    # A recipe is judged by its conditions: a reference run has no reference itself.
     plan = make_plan(experiment, source, library, [], VIRTUAL, software, 1, provide, judged=False)
     return plan, recipe
 
 
 def _key(plan: Plan, recipe: InputRecipe) -> str:
-    """Over recipe, sequence and sources: what the run means, what is kept and what must hold."""
+    """Key over the run's meaning, the kept file and the conditions."""
     meaning = {
         "run": plan.specs[0].meaning(),
         "yields": recipe.yields,
@@ -126,7 +127,7 @@ def _key(plan: Plan, recipe: InputRecipe) -> str:
 
 
 def _open(folder: Path, recipe: InputRecipe, notify: Notify = _silent) -> PreparedInput | None:
-    """What lies there, if its bytes are those that were written; a damaged one is made again."""
+    """Returns the cached input if its checksum matches; a damaged file is created again."""
     record = object_or_empty(folder / RECORD)
     file = folder / YIELDED[recipe.yields]
     if not record or not file.is_file():
@@ -183,7 +184,7 @@ def _make(folder: Path, plan: Plan, recipe: InputRecipe) -> None:
 
 
 def _facts(raw: Path, summary: Summary) -> dict[str, float]:
-    """What conditions may ask for."""
+    """Returns the values that conditions can test."""
     bundles = [e for e in read_log(raw).of("stage") if e.get("name") == "global_bundle"]
     return {
         "coverage": summary.number("coverage") or 0.0,
@@ -194,7 +195,7 @@ def _facts(raw: Path, summary: Summary) -> dict[str, float]:
 
 @contextmanager
 def _lock(name: str, notify: Notify) -> Iterator[None]:
-    """Two processes never make the same input at once."""
+    """Prevents two processes from creating the same input concurrently."""
     folder = inputs_folder()
     try:
         folder.mkdir(parents=True, exist_ok=True)

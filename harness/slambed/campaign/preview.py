@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Which cells of a plan a campaign is about, and what it would do about them."""
+"""Selects cells of a plan, and previews what a campaign would execute."""
 
 from collections.abc import Iterable
 
@@ -10,8 +10,8 @@ from slambed.spec.selection import facts_of, meant
 
 
 def chosen(specs: list[RunSpec], only: Iterable[str], option: str = "--only") -> list[RunSpec]:
-    """The runs of the cells that are selected (slambed.spec.selection); all where nothing is.
-    Raises SlambedError for what is no cell."""
+    """Returns the runs that match the selections (slambed.spec.selection); all without
+    selections. Raises SlambedError for a selection without a match."""
     runs = [
         facts_of(
             s.cell,
@@ -39,7 +39,8 @@ def preview(
     jobs: int,
     forced: frozenset[str] = frozenset(),
 ) -> list[str]:
-    """One line per cell with what is there of it, and one with how long the rest would take."""
+    """Returns one line per cell with its existing runs, and one with the expected time for the
+    rest."""
     lines, todo = [], 0
     for cell in dict.fromkeys(spec.cell for spec in specs):
         own = [spec for spec in specs if spec.cell == cell]

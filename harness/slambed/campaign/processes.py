@@ -1,11 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Executes virtual runs side by side on this host, each in a process of its own while it lasts.
+"""Executes virtual runs in parallel on this host, in worker processes.
 
-A run is a subprocess anyway, but reading its log and computing its metrics takes Python as well:
-threads alone would wait for each other. The processes are forked from a server that has everything
-ready (`preload`), because the harness has threads, which may hold any lock at that moment. One
-that has ended a run takes the next: a fresh one pays for each page of the server's that it touches,
-as much as all metrics take. Nothing is shared that a killed one could leave locked.
+A run is a subprocess, but reading its log and computing its metrics is Python work that threads
+would serialize. Workers are forked from a preloaded server (`preload`), because the harness has
+threads that may hold locks at that moment. A worker is reused: a new process copies each page of
+the server that it writes to, which costs as much as all metrics. Workers share no lock that a
+killed one could leave locked.
 """
 
 import multiprocessing
@@ -31,16 +31,16 @@ from slambed.spec.run_spec import RunSpec
 LOOK_EVERY_S = 0.2
 DYING_S = 3.0
 MOST_RUNS = 100
-"""Of one process: whatever a library keeps of each, it goes then."""
+"""Runs per worker process, which bounds memory leaks of libraries."""
 CONTEXT = multiprocessing.get_context("forkserver")
 CONTEXT.set_forkserver_preload(["slambed.campaign.preload"])
 LOST = (EOFError, ConnectionError)
-"""What a pipe says whose other end is gone."""
+"""Errors of a pipe whose other end has gone."""
 
 
 def serve(pipe: Connection) -> None:
-    """In a process of its own: executes what comes, until nothing more does."""
-    # Ctrl-C and a lost terminal are for the harness.
+    """Main function of a worker process: executes tasks until the pipe closes."""
+    # Only the harness handles Ctrl-C and a lost terminal.
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     signal.signal(signal.SIGHUP, signal.SIG_IGN)
     threading.Thread(target=_end_with_harness, daemon=True).start()
@@ -58,14 +58,14 @@ def serve(pipe: Connection) -> None:
 
 
 def _end_with_harness() -> None:
-    """However the harness dies, its run ends too: the kernel ends the simulation with us."""
+    """Ends this process, and with it the simulation, when the harness dies."""
     if (harness := multiprocessing.parent_process()) is not None:
         wait([harness.sentinel])
         os._exit(1)
 
 
 class Worker:
-    """A process that executes one run after the other."""
+    """A process that executes runs one after the other."""
 
     def __init__(self) -> None:
         self._pipe, theirs = CONTEXT.Pipe()
@@ -76,12 +76,12 @@ class Worker:
 
     @property
     def is_fit(self) -> bool:
-        """Whether it shall execute one more: nobody killed it, and it is not old."""
+        """Whether it can take another run: it is alive and not too old."""
         return self._runs < MOST_RUNS and not self._pipe.poll()
 
     def execute(self, task: VirtualTask, stop: threading.Event) -> Summary | Exception:
-        """What became of a run. InterruptedRunError soon after `stop` is set, one of LOST where
-        the process was killed: it is of no use any more then."""
+        """Returns the result of a run. Raises InterruptedRunError soon after `stop` is set, and
+        one of LOST if the process was killed; the worker cannot be used after that."""
         self._runs += 1
         self._pipe.send(task)
         while not self._pipe.poll(LOOK_EVERY_S):
@@ -91,7 +91,7 @@ class Worker:
         return answer
 
     def kill(self) -> None:
-        """With the simulation that it may have in hand."""
+        """Kills the process and its simulation."""
         self._process.kill()
         self._process.join(DYING_S)
         self._pipe.close()
@@ -99,7 +99,7 @@ class Worker:
 
 @dataclass
 class ProcessExecutor:
-    """Executes virtual runs in `jobs` processes of this host."""
+    """Executes virtual runs in `jobs` processes on this host."""
 
     played: Played
     program: Path
@@ -112,7 +112,7 @@ class ProcessExecutor:
         server_folder.choose()
 
     def execute(self, spec: RunSpec, raw: Path, stop: threading.Event, attempt: int = 1) -> Summary:
-        """Waits for a process that has nothing else in hand."""
+        """Executes the run in an idle or new worker."""
         sequence, played_s = self.played[spec.dataset]
         task = VirtualTask(
             spec,
@@ -148,10 +148,10 @@ class ProcessExecutor:
         try:
             return Worker()
         except LOST:
-            # The next run has a new one.
+            # The next run starts a new fork server.
             raise KilledError("the fork server of virtual runs was killed") from None
 
     def close(self) -> None:
-        """Ends the processes, which have no run in hand any more."""
+        """Ends the idle workers."""
         while self._idle:
             self._idle.pop().kill()

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Reports how far a campaign is: a bar with ETA on a terminal, plain lines elsewhere."""
+"""Reports the progress of a campaign: a bar with ETA on a terminal, plain lines elsewhere."""
 
 import time
 from types import TracebackType
@@ -12,7 +12,7 @@ from slambed.spec.run_spec import RunSpec
 
 
 class Reporter(Protocol):
-    """What the campaign reports while it runs."""
+    """Callbacks of a campaign."""
 
     def run_started(self, spec: RunSpec) -> None: ...
     def run_ended(self, spec: RunSpec, verdict: str) -> None: ...
@@ -20,7 +20,7 @@ class Reporter(Protocol):
 
 
 def duration(seconds: float) -> str:
-    """`1 h 05 min`, `3 min 20 s`, `12 s`."""
+    """Formats like `1 h 05 min`, `3 min 20 s`, `12 s`."""
     whole = round(seconds)
     if whole >= 3600:
         return f"{whole // 3600} h {whole % 3600 // 60:02d} min"
@@ -30,8 +30,8 @@ def duration(seconds: float) -> str:
 
 
 class CampaignProgress:
-    """Shows runs as they come. The ETA is the mean duration of runs so far; before the first one
-    has ended it is what was expected."""
+    """Shows runs as they finish. The ETA uses the mean duration of finished runs; before the
+    first one, the expected duration."""
 
     def __init__(self, console: Console, total: int, expected_run_s: float, jobs: int = 1) -> None:
         self._jobs = jobs
@@ -67,12 +67,12 @@ class CampaignProgress:
             self._bar.stop()
 
     def left_s(self) -> float:
-        """Expected time until the end."""
+        """Returns the expected remaining time."""
         each = self._spent_s / self._done if self._done else self._expected_s
         return each * (self._total - self._done) / self._jobs
 
     def run_started(self, spec: RunSpec) -> None:
-        """A run begins."""
+        """A run has started."""
         self._began_s[spec.run_key] = time.monotonic()
         if self._bar is not None and self._task is not None:
             self._bar.update(
@@ -80,14 +80,14 @@ class CampaignProgress:
             )
 
     def run_ended(self, spec: RunSpec, verdict: str) -> None:
-        """A run is committed."""
+        """A run was committed."""
         took_s = time.monotonic() - self._began_s.pop(spec.run_key)
         self._spent_s += took_s
         self._done += 1
         self._print(spec, verdict, took_s)
 
     def run_failed(self, spec: RunSpec, why: str, last: bool) -> None:
-        """An attempt ended without a result; `last`: there is no other."""
+        """An attempt ended without a result; `last`: there will be no other attempt."""
         took_s = time.monotonic() - self._began_s.pop(spec.run_key)
         if last:
             self._total -= 1

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""How quiet a host is before live runs: what its hypervisor and other programs take of it."""
+"""Measures the load on a host before live runs: steal time and CPU use of other programs."""
 
 import threading
 import time
@@ -11,19 +11,20 @@ import psutil
 LOOK_S = 2.0
 MOST_STEAL_PERCENT = 1.0
 MOST_BUSY_PERCENT = 10.0
-"""Above these, stalls of tens of milliseconds are likely in every run (docs/limits.md)."""
+"""Above these limits stalls of tens of milliseconds are likely in every run
+(docs/explanation/limits.md)."""
 
 
 @dataclass(frozen=True)
 class Load:
-    """Of the CPU time of all processors, while nothing of ours ran."""
+    """Percentages of the CPU time of all CPUs, while none of our runs was active."""
 
     steal_percent: float
     busy_percent: float
 
     @property
     def quiet(self) -> bool:
-        """Whether runs made now will probably be valid."""
+        """Whether runs started now will probably be valid."""
         calm = self.busy_percent <= MOST_BUSY_PERCENT
         return calm and self.steal_percent <= MOST_STEAL_PERCENT
 
@@ -36,7 +37,7 @@ class Load:
 
 
 def look(seconds: float = LOOK_S) -> Load:
-    """Measures for so long."""
+    """Measures the load over this time."""
     share = psutil.cpu_times_percent(interval=seconds)
     steal = float(getattr(share, "steal", 0.0))
     waiting = float(getattr(share, "iowait", 0.0))
@@ -44,7 +45,7 @@ def look(seconds: float = LOOK_S) -> Load:
 
 
 def wait_for_quiet(limit_s: float, stop: threading.Event, notify: Callable[[str], None]) -> Load:
-    """Looks again and again until the host is quiet, or the time is over."""
+    """Measures repeatedly until the host is quiet or the time limit is reached."""
     deadline = time.monotonic() + limit_s
     load = look()
     if not load.quiet and limit_s > 0:

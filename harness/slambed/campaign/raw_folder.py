@@ -1,6 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Prepares the raw folder of a run, and completes it with manifest, tables and summary: the same
-for every engine."""
+"""Prepares the raw folder of a run, and adds manifest, tables and summary, for every engine."""
 
 import json
 import os
@@ -27,14 +26,14 @@ from slambed.spec.run_spec import RunSpec
 
 @dataclass(frozen=True)
 class Start:
-    """When a run began, and how busy the host was then."""
+    """Start time of a run, and the load of the host then."""
 
     utc: str
     load: float
 
 
 def prepare_raw(spec: RunSpec, raw: Path) -> Start:
-    """Puts what a run needs into its folder; right before it begins."""
+    """Copies the run's inputs into its folder; called immediately before the run."""
     inputs.copy_inputs(raw, {name: str(spec.params[name]) for name in spec.inputs}, spec.inputs)
     if spec.reference:
         shutil.copyfile(spec.reference, raw / REFERENCE_FILE)
@@ -51,10 +50,9 @@ def add_summary(
     result: RunResult,
     attempt: int = 1,
 ) -> Summary:
-    """Adds what makes the raw files of a run a result: tables, summary and manifest.
+    """Turns the raw files of a run into a result: adds tables, summary and manifest.
 
-    `engine` is what the engine says about itself, `command` what the user called. Returns the
-    summary.
+    `engine` holds the engine's own facts, `command` the user's command line. Returns the summary.
     """
     if spec.runtime is not None and spec.runtime.reads is not None:
         recording = recording_of(spec, sequence)
@@ -72,14 +70,15 @@ def add_summary(
 
 
 def frames_offered(spec: RunSpec, sequence: Path) -> int | None:
-    """How many frames playback offers by its plan; None for what is no prepared sequence."""
+    """Returns the number of frames in the playback plan; None for an input that is not a
+    prepared sequence."""
     if not (sequence / SEQUENCE_FILE).is_file():
         return None
     return len(played_frames(PreparedSequence.open(sequence), spec.playback))
 
 
 def recording_of(spec: RunSpec, sequence: Path) -> Recording:
-    """What a system that reads a folder is given."""
+    """Returns the recorded folder for a system that reads one."""
     assert spec.runtime is not None and spec.runtime.reads is not None
     return Recording.of(PreparedSequence.open(sequence), spec.playback, spec.runtime.reads)
 

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Recorded folders for systems that read one: what is played of a sequence, exported once and kept
-in the cache."""
+"""Recorded folders for systems that read one: the played part of a sequence, exported once and
+cached."""
 
 import fcntl
 import hashlib
@@ -18,52 +18,54 @@ from slambed.errors import environment_error
 from slambed.spec.experiment import Playback
 
 EXPORT_VERSION = 1
-"""Counted up with every change of what `export` writes: older folders are not taken then."""
+"""To be incremented with every change of what `export` writes, which invalidates older folders."""
 FOLDERS = "recorded"
 _DIGITS = 12
 
 
 @dataclass(frozen=True)
 class Recording:
-    """The frames of a sequence that are played, as a folder of a layout reports them."""
+    """The played frames of a sequence as a folder in some layout."""
 
     sequence: PreparedSequence
     layout: str
     indices: NDArray[np.intp]
-    """Of the prepared sequence."""
+    """Indices in the prepared sequence."""
     cache: Path
-    """Where folders are kept."""
+    """Cache of the folders."""
 
     @classmethod
     def of(
         cls, sequence: PreparedSequence, playback: Playback, layout: str, cache: Path | None = None
     ) -> "Recording":
-        """What this playback offers; its mode says nothing to a system that reads a folder."""
+        """Returns the frames of this playback; its mode has no effect on a system that reads a
+        folder."""
         indices = played_frames(sequence, playback)
         return cls(sequence, layout, indices, cache or cache_folder())
 
     @property
     def folder_stamps_s(self) -> NDArray[np.float64]:
-        """The time stamps in the folder."""
-        from slambed.data.export import folder_times_ns  # OpenCV, which most runs do not need
+        """Timestamps in the folder."""
+        from slambed.data.export import folder_times_ns  # loads OpenCV
 
         stamps_ns = folder_times_ns(self.sequence, self.layout)[self.indices]
         return np.asarray(stamps_ns / 1e9, dtype=np.float64)
 
     @property
     def recorded_s(self) -> NDArray[np.float64]:
-        """Recorded time, in which trajectories are kept."""
+        """Recorded time, which trajectories use."""
         return self.sequence.info.time_origin_s + self.sequence.times_s[self.indices]
 
     @property
     def seq_s(self) -> NDArray[np.float64]:
-        """Sequence time since the first frame played."""
+        """Sequence time since the first played frame."""
         times_s = self.sequence.times_s[self.indices]
         return np.asarray(times_s - times_s[0], dtype=np.float64)
 
     def folder(self) -> Path:
-        """In the cache, written now where it is not there. It holds no true path: a system under
-        test shall not find one. Raises SlambedError where the cache cannot be written."""
+        """Returns the cached folder, written now if missing. It contains no ground truth, so
+        that a system under test cannot read it. Raises SlambedError if the cache cannot be
+        written."""
         place = self.cache / FOLDERS
         path = place / self._name()
         try:
@@ -81,7 +83,7 @@ class Recording:
 
         for killed in path.parent.glob(".*.partial-*"):
             shutil.rmtree(killed, ignore_errors=True)
-        # PNG is never much larger than the pixels.
+        # A PNG is never much larger than its pixels.
         needed = len(self.indices) * self.sequence.info.frame_stride_bytes
         free = shutil.disk_usage(path.parent).free
         if needed > free:
@@ -99,7 +101,7 @@ class Recording:
 
 
 def played_frames(sequence: PreparedSequence, playback: Playback) -> NDArray[np.intp]:
-    """Indices of the frames that a playback offers."""
+    """Returns the indices of the frames that a playback offers."""
     times_ns = sequence.index["timestamp_ns"].astype(np.int64)
     return offered_frames(
         times_ns, sequence.info.fps, playback.fps, playback.start_s, playback.end_s

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The wait for what a Dask worker returns, on a cluster as on a host."""
+"""Waits for the result of a Dask worker, on a cluster or on a host."""
 
 import threading
 from collections.abc import Callable
@@ -11,31 +11,32 @@ from slambed.engines.result import InterruptedRunError
 
 LOOK_EVERY_S = 0.02
 FETCH_S = 60.0
-"""A result that is there takes less on its way."""
+"""Fetching an available result takes less time than this."""
 
 
 class LostWorkerError(Exception):
-    """Nobody returns the result any more."""
+    """No worker can return the result any more."""
 
     def __init__(self, killed: bool = False) -> None:
         super().__init__()
         self.killed = killed
-        """By their work: the scheduler gave up after several workers; else it is gone itself."""
+        """True if the scheduler gave up after several workers died; false if the scheduler
+        itself is gone."""
 
 
 def result_of(future: Any, stop: threading.Event, alive: Callable[[], bool] = lambda: True) -> Any:
-    """What the task returns, or its own error.
+    """Returns the task's result, or raises its error.
 
-    `alive`: whether somebody is still there who could return it. Raises InterruptedRunError when
-    `stop` is set before, LostWorkerError when nobody is left; the task is canceled then.
+    `alive` returns whether the worker is still there. Raises InterruptedRunError when `stop` is
+    set, LostWorkerError when no worker is left; the task is then canceled.
     """
     from distributed import KilledWorker
 
     try:
         while True:
             if future.done():
-                # Not while it runs: a wait that is given up cuts the connection to the scheduler,
-                # and the next one would begin with a new one.
+                # Not while the task runs: a wait that times out closes the connection to the
+                # scheduler, and the next one would have to reconnect.
                 with suppress(TimeoutError):
                     return future.result(timeout=FETCH_S)
             if stop.wait(LOOK_EVERY_S):
@@ -46,7 +47,7 @@ def result_of(future: Any, stop: threading.Event, alive: Callable[[], bool] = la
         raise LostWorkerError(killed=True) from None
     except (CancelledError, OSError):
         if future.status == "error":
-            raise  # the run's own
+            raise  # error of the run itself
         raise LostWorkerError from None
     finally:
         with suppress(Exception):

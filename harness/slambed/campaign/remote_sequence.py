@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What travels between a campaign and its workers on other machines, and what they find there."""
+"""Data exchanged between a campaign and its remote workers: sequences and packed results."""
 
 import io
 import tarfile
@@ -13,7 +13,8 @@ from slambed.spec.run_spec import RunSpec
 
 
 def remote_sequence(spec: RunSpec, there: Path) -> Path:
-    """Where the campaign has it, or prepared here from the same source."""
+    """Returns the campaign's path if it holds the same sequence here, or one prepared on this
+    machine."""
     if (read_object(there / "sequence.json") or {}).get("checksum") == spec.sequence_checksum:
         return there
     found, checksum = _prepared(spec.dataset)
@@ -29,7 +30,7 @@ def _prepared(dataset: str) -> tuple[Path, str]:
 
 
 def pack(folder: Path) -> bytes:
-    """The files that a result keeps: raw logs are in its tables."""
+    """Packs the files of a result, without raw logs, whose content is in its tables."""
     packed = io.BytesIO()
     with tarfile.open(fileobj=packed, mode="w") as archive:
         for path in sorted(folder.rglob("*")):
@@ -39,6 +40,6 @@ def pack(folder: Path) -> bytes:
 
 
 def unpack(packed: bytes, folder: Path) -> None:
-    """Into an empty folder."""
+    """Extracts into an empty folder."""
     with tarfile.open(fileobj=io.BytesIO(packed)) as archive:
         archive.extractall(folder, filter="data")

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""`slambed run`: executes what is missing of an experiment."""
+"""`slambed run`: executes the missing runs of an experiment."""
 
 import math
 import os
@@ -41,7 +41,7 @@ from slambed.spec.library import Library
 from slambed.spec.software import host_software
 
 RESERVED = (STORE, ATTEMPTS, "papers", "inference", "bisect")
-"""Folders of `results/` that are no experiments."""
+"""Folders of `results/` that are not experiments."""
 
 
 def run_experiment(
@@ -50,10 +50,10 @@ def run_experiment(
     console: Console,
     check_first: Callable[[Experiment, YamlSource], None] = lambda experiment, source: None,
 ) -> CampaignOutcome:
-    """Executes what is missing of an experiment into `results/<its id>`.
+    """Executes the missing runs of an experiment into `results/<its id>`.
 
-    Everything that can be wrong with the files is found before anything is started. `check_first`:
-    what the caller knows of experiments and this package does not.
+    All errors in the files are found before anything is started. `check_first`: further checks of
+    the caller that this package does not know.
     """
     library = Library()
     experiment, source = library.experiment(name, options.settings)
@@ -81,8 +81,8 @@ def _provider(library: Library, console: Console) -> Callable[[str], Path]:
 def _on_this_host(
     files: Files, asked: str, options: Options, count: int, console: Console
 ) -> CampaignOutcome:
-    """On this host, which is ours alone meanwhile."""
-    # Containers and links take half a second to load, which virtual runs do not need.
+    """Runs on this host, with exclusive use of it."""
+    # Importing containers and links takes 0.5 s, which virtual runs do not need.
     from slambed.campaign.boards import BoardLinks, bring_sequences, take_board
     from slambed.campaign.choose import choose_engine, decide
     from slambed.campaign.live_executor import LiveExecutor
@@ -141,12 +141,12 @@ def _on_this_host(
 
 
 def _not_idle(played: Played) -> Executor:
-    """Instead of an executor, where nothing was to be executed when we looked."""
+    """Replaces the executor when a check found nothing to execute."""
     raise environment_error("runs that were there have gone meanwhile; call the same command again")
 
 
 def _hosts(options: Options) -> list[Host]:
-    """Those that execute the live runs; none without --hosts."""
+    """Returns the hosts of the live runs; empty without --hosts."""
     if options.hosts is None:
         if options.on:
             raise SlambedError("--on chooses hosts of a file: give it with --hosts FILE")
@@ -161,7 +161,7 @@ def _hosts(options: Options) -> list[Host]:
 def _on_hosts(
     files: Files, hosts: list[Host], options: Options, count: int, console: Console
 ) -> CampaignOutcome:
-    """On the hosts of a file, each of which is ours alone meanwhile."""
+    """Runs on the hosts of a file, with exclusive use of each one."""
     from slambed.campaign.hosts import JoinedHosts
 
     experiment, source, library, _ = files
@@ -199,14 +199,14 @@ def _on_hosts(
 
 
 def _may_be_there(experiment: Experiment, options: Options) -> bool:
-    """Whether it is worth a look if there is anything to execute, before a host is taken."""
+    """Returns whether to check for pending runs before a host is taken."""
     return bool(RunStore(options.results).keys()) and not any(
         must_be_made(name) for name in experiment.datasets
     )
 
 
 def _virtually(files: Files, options: Options, count: int, console: Console) -> CampaignOutcome:
-    """No privilege, no lock on the host: only the result folder is ours alone."""
+    """Runs virtually: needs no privilege and locks only the result folder."""
     program = find_program(SIMULATION)
     features = cache_folder() / "features"
     if not options.dry_run:
@@ -226,8 +226,8 @@ def _virtually(files: Files, options: Options, count: int, console: Console) -> 
 
 
 def plan_virtually(name: str, settings: list[str], console: Console) -> tuple[Plan, YamlSource]:
-    """An experiment as virtual runs of this host, one per cell; its datasets are prepared, and
-    nothing is executed."""
+    """Returns the plan of an experiment as virtual runs on this host, one per cell. Prepares its
+    datasets and executes nothing."""
     library = Library()
     experiment, source = library.experiment(name, settings)
     profiles = check(experiment, source, library, VIRTUAL)

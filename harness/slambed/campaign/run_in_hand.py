@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A run while it is executed, from the files that its nodes and the sampler are writing."""
+"""A run in progress, observed through the files that its nodes and the sampler write."""
 
 import time
 from collections import deque
@@ -12,49 +12,49 @@ from slambed.campaign.growing_file import GrowingFile
 from slambed.metrics.events import Event
 
 MEAN_S = 1.0
-"""CPU use is reported as the mean over so much run time: single samples show quota periods."""
+"""CPU use is the mean over this run time, because single samples show quota periods."""
 
 
 @dataclass(frozen=True)
 class NodeUse:
-    """What a node took of late."""
+    """Recent resource use of a node."""
 
     cpu_percent: float
-    """Of one core."""
+    """Percent of one core."""
     memory_mb: float | None
     """None in virtual time."""
     t_s: float
-    """Run time of the last sample; samples reach the disk some seconds late."""
+    """Run time of the last sample; samples are written with a delay of some seconds."""
 
 
 @dataclass(frozen=True)
 class Playing:
-    """How far a run is; None, and counts of 0: its files do not show it (yet)."""
+    """Progress of a run; None and counts of 0 mean that its files do not show it (yet)."""
 
     run_key: str
     name: str
     elapsed_s: float
-    """Since the attempt began, by the clock on the wall."""
+    """Wall-clock time since the attempt began."""
     t_s: float | None = None
-    """Run time of what was written last; before 0 nodes start."""
+    """Run time of the newest log entry; negative while nodes start."""
     frames_offered: int | None = None
-    """By the plan of playback."""
+    """Number of frames in the playback plan."""
     frames_played: int = 0
-    """Tracked or dropped."""
+    """Frames tracked or dropped."""
     frames_tracked: int = 0
-    """With a pose."""
+    """Frames with a pose."""
     track_losses: int = 0
     state: str | None = None
-    """Of tracking."""
+    """Tracking state."""
     node_state: str | None = None
-    """Of a system that changes its own."""
+    """State of a system that has several states."""
     rtt_ms: float | None = None
-    """As the mobile node last knew it."""
+    """Last value known to the mobile node."""
     nodes: dict[str, NodeUse] = field(default_factory=dict)
 
 
 class RunFollower:
-    """Reads what has come of one run since the last look."""
+    """Incrementally reads the files of one run."""
 
     def __init__(self, run: InHand, folder: Path, frames_offered: int | None) -> None:
         self._run = run
@@ -69,7 +69,7 @@ class RunFollower:
         self._rtt_ms: float | None = None
 
     def look(self, now_s: float | None = None) -> Playing:
-        """How far it is now."""
+        """Returns the current progress."""
         for event in self._events.new():
             self._take(event)
         for sample in self._samples.new():

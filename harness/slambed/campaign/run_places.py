@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Where the runs of a campaign may begin, for executors that care which run goes where."""
+"""Placement of runs, for executors that assign runs to hosts."""
 
 from typing import Protocol
 
@@ -7,28 +7,28 @@ from slambed.spec.run_spec import RunSpec
 
 
 class Places(Protocol):
-    """Asked before a run is taken, notified when it has ended; from several threads."""
+    """Called before and after each run, from several threads."""
 
     def claim(self, spec: RunSpec) -> bool:
-        """Whether the run may begin now: then its place is kept free for it until `release`."""
+        """Returns whether the run may start now; if so, reserves its place until `release`."""
 
     def release(self, spec: RunSpec) -> None:
-        """It has ended, or will not begin."""
+        """Releases the place: the run has ended or will not start."""
 
     def host_of(self, spec: RunSpec) -> str | None:
-        """Name of the host of a claimed run; None where there is only one."""
+        """Returns the host of a claimed run; None if there is only one."""
 
 
 class AnyPlace:
-    """One place is as good as another."""
+    """Placement without any restriction."""
 
     def claim(self, spec: RunSpec) -> bool:
-        """Always."""
+        """Returns True."""
         return True
 
     def release(self, spec: RunSpec) -> None:
-        """Nothing was kept."""
+        """Does nothing."""
 
     def host_of(self, spec: RunSpec) -> None:
-        """There is none."""
+        """Returns None."""
         return None

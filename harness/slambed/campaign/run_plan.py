@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Executes what is missing of a plan, whatever executes it, or reports what would be executed."""
+"""Executes the missing runs of a plan with any executor, or previews them."""
 
 import math
 import os
@@ -31,9 +31,9 @@ from slambed.spec.device import VIRTUAL
 from slambed.spec.library import Library
 from slambed.spec.run_spec import RunSpec
 
-# Containers, link and start signal, before and after the played time.
+# Time for containers, link and start signal, besides the played time.
 OVERHEAD_S = 3.0
-# A virtual run takes about this share of the played time; only a first guess for the ETA.
+# Typical duration of a virtual run as a share of the played time; first guess for the ETA.
 VIRTUAL_SHARE = 0.1
 
 
@@ -45,7 +45,7 @@ def run_plan(
     console: Console,
     hosts: int = 1,
 ) -> CampaignOutcome:
-    """Executes what is missing of a plan, live on so many hosts."""
+    """Executes the missing runs of a plan. `hosts`: number of hosts that execute live runs."""
     experiment = plan.experiment
     for line in plan.left_out:
         print_to(console, f"left out: {line}")
@@ -75,7 +75,7 @@ def run_plan(
         where=folder.path,
         notify=notify,
     ):
-        # Before anything is written: an address with a typo must leave no trace.
+        # Before anything is written: a mistyped scheduler address must leave no files.
         executor = NoRuns() if is_idle(plan, options) else executor_of(played)
         try:
             folder.create()
@@ -134,7 +134,7 @@ def _fill(
 
 
 def _todo(specs: list[RunSpec], folder: ResultFolder, options: Options) -> list[RunSpec]:
-    """Those that are to be executed, in their order."""
+    """Returns the runs to execute, in order."""
     wanted = {spec.run_key for spec in chosen(specs, options.only)}
     forced, kept = _forced(specs, options), _kept(options)
     return [
@@ -146,7 +146,7 @@ def _todo(specs: list[RunSpec], folder: ResultFolder, options: Options) -> list[
 
 
 def is_idle(plan: Plan, options: Options) -> bool:
-    """Whether all that is asked for is there: only the report is left to do."""
+    """Returns whether no run is pending, so that only the report is left to do."""
     return not _todo(plan.specs, ResultFolder(options.results / plan.experiment.id), options)
 
 
@@ -166,12 +166,12 @@ def _is_virtual(plan: Plan) -> bool:
 
 
 def expected_run_s(plan: Plan) -> float:
-    """A first guess at how long one run takes."""
+    """Returns a first estimate of a run's duration."""
     playback = plan.experiment.playback
     longest_s = max(sequence.played_s(playback) for sequence in plan.sequences.values())
     return longest_s * VIRTUAL_SHARE if _is_virtual(plan) else longest_s + OVERHEAD_S
 
 
 def print_to(console: Console, line: str) -> None:
-    """A line as it is."""
+    """Prints a line without markup."""
     console.print(line, highlight=False, markup=False, soft_wrap=True)

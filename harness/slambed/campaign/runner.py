@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Executes the missing runs of an experiment and commits each as it ends."""
+"""Executes the missing runs of an experiment and commits each one when it ends."""
 
 import os
 import signal
@@ -26,68 +26,69 @@ from slambed.process.standard_streams import ERROR, replace_gone
 from slambed.spec.run_spec import RunSpec
 
 PAUSES_S = (1.0, 10.0, 60.0)
-"""Before each further attempt of a run whose environment failed it."""
+"""Pauses before retries of a run that failed because of its environment."""
 MOST_DEATHS = 20
-"""Attempts whose process was killed. That costs a short run little, and says little about it."""
+"""Maximum attempts of a run whose process is killed: a retry is cheap for a short run, and a
+kill says little about the run."""
 DEFAULT_RETRIES = 2
-"""Further attempts of an invalid run."""
+"""Retries of an invalid run."""
 MOST_GIVEN_UP = 5
-"""After so many given up in a row the environment is broken for good."""
+"""After this many runs in a row without a result, the environment counts as broken."""
 
 
 @dataclass
 class CampaignOutcome:
-    """What a campaign came to."""
+    """The outcome of a campaign."""
 
     done: int = 0
     valid: int = 0
     not_completed: int = 0
-    """Of the valid ones: the system broke off."""
+    """Number of valid runs that the system did not complete."""
     interrupted: bool = False
     given_up: dict[str, str] = field(default_factory=dict)
     """Run key -> why there is no result."""
     folder: Path | None = None
-    """Where the results are."""
+    """Folder of the results."""
 
 
 @dataclass
 class Runner:
-    """Executes RunSpecs into a result folder, as many at a time as the executor can."""
+    """Executes RunSpecs into a result folder, as many in parallel as the executor allows."""
 
     folder: ResultFolder
     ledger: Ledger
     executor: Executor
     retries: int = DEFAULT_RETRIES
-    """Further attempts of an invalid run, in this campaign."""
+    """Retries of an invalid run in this campaign."""
     forced: frozenset[str] = frozenset()
-    """Keys of runs that are executed although they are there; a valid result takes their place,
-    and they stay as earlier attempts."""
+    """Keys of runs that are executed although they exist. A new valid result replaces the old
+    one, which is kept as an earlier attempt."""
     keep_going: bool = False
-    """Runs given up do not end the campaign, however many they are."""
+    """Never ends the campaign because of runs without a result."""
     plans: dict[str, dict[str, str]] = field(default_factory=dict)
-    """Paper -> digests of its registered plan as this campaign began, for the manifests."""
+    """Paper -> digests of its registered plan at the start of this campaign, for the manifests."""
     pauses_s: tuple[float, ...] = PAUSES_S
     places: Places = field(default_factory=AnyPlace)
     _verdict: CampaignOutcome = field(default_factory=CampaignOutcome)
     _given_up_in_a_row: int = 0
     _books: threading.Lock = field(default_factory=threading.Lock)
-    """Ledger, reporter and verdict belong to one thread at a time."""
+    """Guards ledger, reporter and verdict."""
 
     def run(self, todo: list[RunSpec], reporter: Reporter) -> CampaignOutcome:
-        """Executes all of `todo` in this order. Ctrl-C ends the current runs and returns.
+        """Executes `todo` in this order. Ctrl-C ends the current runs and returns.
 
-        A run that the environment fails is tried again later and in the end given up, and the
-        others go on. Only what all of them would meet ends the campaign as an error: when nothing
-        succeeds from the beginning, or no more since a while, or the disk is full.
+        A run that fails because of its environment is retried later and finally given up, and the
+        campaign continues. It only ends with an error if a failure affects all runs: nothing ever
+        succeeded, several runs in a row were given up, or the disk is full.
         """
         backlog = Backlog(todo)
         for item in backlog:
-            # An attempt of an earlier campaign: this one begins with the next.
+            # A stored invalid attempt counts as the first one.
             item.retries = int(self.folder.state(item.spec.run_key) == "invalid")
         with stop_on_signal() as stop:
             try:
                 if self.executor.jobs == 1:
-                    # Nodes end with the thread that started them: this one.
+                    # Nodes end with the thread that started them, so use the main thread.
                     self._work(backlog, reporter, stop)
                 else:
                     with ThreadPoolExecutor(self.executor.jobs) as threads:
@@ -96,7 +97,7 @@ class Runner:
                             for _ in range(min(self.executor.jobs, len(todo)))
                         ]
                     if errors := [e for each in work if (e := each.exception()) is not None]:
-                        # What went wrong first made the others stop.
+                        # The first real error made the other threads stop.
                         raise min(errors, key=lambda e: isinstance(e, InterruptedRunError))
             except InterruptedRunError:
                 pass
@@ -108,7 +109,7 @@ class Runner:
             try:
                 pause_s = self._try(item, reporter, stop)
             except BaseException:
-                stop.set()  # for the other threads
+                stop.set()  # ends the other threads
                 raise
             finally:
                 self.places.release(item.spec)
@@ -121,11 +122,12 @@ class Runner:
         try:
             return backlog.take(stop, self.places.claim)
         except BaseException:
-            stop.set()  # no place is left for anybody
+            stop.set()  # no host is left for any thread
             raise
 
     def _try(self, item: Item, reporter: Reporter, stop: threading.Event) -> float | None:
-        """One attempt; how long to wait before the next one, None when there shall be none."""
+        """Executes one attempt; returns the pause before the next one, None if there will be
+        none."""
         spec = item.spec
         with self._books:
             reporter.run_started(spec)
@@ -143,10 +145,10 @@ class Runner:
             raise
         except Exception as error:
             if self.folder.is_full():
-                # Whatever failed, failed for this; not even the ledger could be reported.
+                # The full disk explains any error, and not even the ledger can be written.
                 raise no_space(self.folder.path) from error
             if (refused := refused_write(error)) is not None:
-                # The next run would meet the same disk.
+                # The next run would fail on the same disk.
                 raise refused from error
             with self._books:
                 return self._failed(item, error, reporter)
@@ -174,7 +176,7 @@ class Runner:
         return None
 
     def _failed(self, item: Item, error: Exception, reporter: Reporter) -> float | None:
-        """What to do about an attempt without a result."""
+        """Returns the pause before the next attempt, like `_try`."""
         item.failures += 1
         line = str(error) if isinstance(error, SlambedError) else f"{type(error).__name__}: {error}"
         self._log("run_failed", item.spec, error=line)
@@ -199,7 +201,7 @@ class Runner:
 
 
 def verdict_of(summary: Summary) -> str:
-    """One phrase about a finished run."""
+    """Returns a phrase about a finished run."""
     phrase = summary.outcome.replace("_", " ")
     if summary.get("outcome_reason"):
         phrase += f": {summary['outcome_reason']}"
@@ -217,13 +219,13 @@ STOPPING = (
 
 
 ENDING = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
-"""Ctrl-C, whoever ends the process, and a terminal or connection that is lost."""
+"""Ctrl-C, a request to terminate, and a lost terminal or connection."""
 
 
 @contextmanager
 def stop_on_signal() -> Iterator[threading.Event]:
-    """SIGINT, SIGTERM and SIGHUP set the event; a second SIGINT is a KeyboardInterrupt. A SIGHUP
-    that is ignored (nohup) stays so."""
+    """SIGINT, SIGTERM and SIGHUP set the event; a second SIGINT raises KeyboardInterrupt. An
+    ignored SIGHUP (nohup) stays ignored."""
     stop = threading.Event()
 
     def handle(number: int, frame: object) -> None:
@@ -233,7 +235,7 @@ def stop_on_signal() -> Iterator[threading.Event]:
         stop.set()
         replace_gone()
         if first:
-            # At once, not when all is done; a signal handler may write but not print.
+            # Immediately; a signal handler may write but not print.
             os.write(ERROR, STOPPING)
 
     heard = [n for n in ENDING if n != signal.SIGHUP or signal.getsignal(n) != signal.SIG_IGN]

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Runs beyond a plan that its report shows too: more repetitions of the same, other engines."""
+"""Runs beyond a plan that its report also shows: further repetitions and other engines."""
 
 from typing import Any
 
@@ -8,8 +8,8 @@ from slambed.spec.run_spec import RunSpec
 
 
 def valid_repetitions(store: RunStore, planned: list[RunSpec]) -> list[RunSpec]:
-    """What an earlier campaign executed of the same cells beyond the repetitions planned now. Their
-    keys follow from the plan: nothing is searched for."""
+    """Returns valid runs of the same cells with higher repetition numbers, from earlier
+    campaigns. Their keys are computed from the plan, without a search."""
     last: dict[str, RunSpec] = {}
     for spec in planned:
         if spec.cell not in last or spec.repetition > last[spec.cell].repetition:
@@ -29,7 +29,7 @@ def valid_repetitions(store: RunStore, planned: list[RunSpec]) -> list[RunSpec]:
 
 
 def of_other_engines(before: dict[str, Any], engine: str) -> list[dict[str, Any]]:
-    """The planned runs of all other engines, as experiment.json has them."""
+    """Returns the planned runs of all other engines, as stored in experiment.json."""
     runs = before.get("runs")
     listed = runs if isinstance(runs, list) else []
     return [run for run in listed if isinstance(run, dict) and run.get("engine") != engine]

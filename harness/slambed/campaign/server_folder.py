@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Where multiprocessing keeps the socket of its fork server: a temporary folder that nobody removes
-when harness and server are killed, so the next campaign does."""
+"""Folder for the socket of multiprocessing's fork server. Nobody removes it when harness and
+server are killed, so the next campaign does."""
 
 import fcntl
 import multiprocessing.util
@@ -13,14 +13,14 @@ from pathlib import Path
 
 PREFIX = "slambed-fork-"
 LONGEST = 50
-"""Letters of the folder above: the address of a socket has at most 107."""
+"""Maximum length of the parent folder's path: a socket address has at most 107 characters."""
 SHORT = "/tmp"
 
 
 def sweep(prefix: str = PREFIX) -> None:
-    """Removes the folders whose harness has died: with it went its lock."""
+    """Removes the folders of dead harnesses, whose locks are free."""
     for left in Path(_parent()).glob(f"{prefix}*"):
-        # Another user's, or swept by somebody else at this moment.
+        # Fails for a folder of another user, or one being removed concurrently.
         with suppress(OSError):
             lock = locked(left)
             shutil.rmtree(left, ignore_errors=True)
@@ -29,21 +29,21 @@ def sweep(prefix: str = PREFIX) -> None:
 
 @cache
 def choose() -> Path:
-    """The folder of this process, for what multiprocessing starts from here on; ours until we
-    end, however we do."""
+    """Returns the folder of this process, which multiprocessing uses from now on; locked until
+    this process ends."""
     while True:
         folder = Path(tempfile.mkdtemp(prefix=PREFIX, dir=_parent()))
         with suppress(OSError):
             lock = locked(folder)
             if folder.exists():
                 break
-            os.close(lock)  # swept before it was locked
+            os.close(lock)  # removed by another process before it was locked
     before, tempfile.tempdir = tempfile.tempdir, str(folder)
     try:
         multiprocessing.util.get_temp_dir()
     finally:
         tempfile.tempdir = before
-    # After multiprocessing has removed its own in it (priority -100).
+    # Runs after multiprocessing has removed its own files (priority -100).
     ignore = {"ignore_errors": True}
     multiprocessing.util.Finalize(None, shutil.rmtree, [folder], ignore, exitpriority=-200)
     return folder
@@ -55,7 +55,8 @@ def _parent() -> str:
 
 
 def locked(folder: Path) -> int:
-    """Holds it as long as the descriptor is open; BlockingIOError while another process has it."""
+    """Locks a folder until the returned descriptor is closed. Raises BlockingIOError if another
+    process holds the lock."""
     opened = os.open(folder, os.O_RDONLY | os.O_DIRECTORY)
     try:
         fcntl.flock(opened, fcntl.LOCK_EX | fcntl.LOCK_NB)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What the runs take, and which of them no plan names."""
+"""Disk use of runs, and runs that are in no plan."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -14,7 +14,7 @@ MEGABYTE = 1e6
 
 @dataclass(frozen=True)
 class Size:
-    """Of some runs with their attempts."""
+    """Number and size of some runs, with all their attempts."""
 
     runs: int
     bytes: int
@@ -24,18 +24,18 @@ class Size:
 
 
 def plans(results: Path) -> Iterator[tuple[str, set[str]]]:
-    """Every experiment with the keys that its plans name, of all engines."""
+    """Yields every experiment with the keys in its plans, for all engines."""
     for path in sorted(results.glob("*/experiment.json")):
         content = read_object(path)
         listed = (content or {}).get("runs")
         if not isinstance(listed, list):
-            # Its runs are not known: to free any would be to guess.
+            # Its runs are unknown, so it is not safe to delete any.
             raise SlambedError(f"{path} is not whole; run the experiment again first")
         yield path.parent.name, {str(run["run_key"]) for run in listed if "run_key" in run}
 
 
 def size_of(store: RunStore, keys: set[str]) -> Size:
-    """What these runs take on disk, a file that several share counted once."""
+    """Returns the disk use of these runs; a shared (hard-linked) file counts once."""
     there = keys & set(store.keys())
     folders = [place / key for key in there for place in (store.runs, store.attempts)]
     files = {f.stat().st_ino: f.stat().st_blocks for d in folders for f in d.rglob("*")}
@@ -43,6 +43,6 @@ def size_of(store: RunStore, keys: set[str]) -> Size:
 
 
 def unnamed(results: Path) -> set[str]:
-    """Keys of runs that no plan of any experiment names."""
+    """Returns the keys of runs that are in no plan of any experiment."""
     named: set[str] = set().union(*(keys for _, keys in plans(results)))
     return set(RunStore(results).keys()) - named

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""`slambed new`: writes a copy of a template (catalog/templates/) under a name of one's own."""
+"""`slambed new`: creates files from a template (catalog/templates/)."""
 
 import re
 import shlex
@@ -14,7 +14,7 @@ PLACEHOLDER, SCHEMAS = "NAME", "SCHEMAS"
 
 
 def write_skeleton(kind: str, name: str, folder: Path) -> list[str]:
-    """What was written, and what to do next, line by line. Nothing that is there is touched."""
+    """Returns the written files and the next steps, line by line. Never overwrites a file."""
     if kind not in KINDS:
         raise SlambedError(f"unknown kind '{kind}'; known: {', '.join(KINDS)}")
     if not NAME.fullmatch(name):

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What of an experiment is there, what is missing or stale, and why."""
+"""Which runs of an experiment exist, are missing or outdated, and why."""
 
 import hashlib
 from dataclasses import dataclass, field
@@ -23,47 +23,48 @@ class CellStatus:
     cell: str
     valid: int = 0
     invalid: list[str] = field(default_factory=list)
-    """Why, one line per run."""
+    """Reasons, one line per run."""
     missing: int = 0
 
 
 @dataclass
 class Status:
-    """Runs of an experiment: as it was last asked for, or as its file is now."""
+    """Runs of an experiment: as last executed, or according to its current file."""
 
     cells: list[CellStatus]
     notes: list[str]
     known: bool = True
-    """False where there is nothing to count, or nobody knows yet: the notes say which."""
+    """False if there is nothing to count or the counts are unknown; the notes explain why."""
 
     @property
     def complete(self) -> bool:
-        """True when every run is there and valid."""
+        """True when every run exists and is valid."""
         return self.known and all(not cell.missing and not cell.invalid for cell in self.cells)
 
 
 def was_run(results: Path, name: str) -> bool:
-    """True when a campaign has begun at least."""
+    """Returns whether a campaign has at least begun."""
     folder = ResultFolder(results / name)
     return (folder.path / "experiment.json").exists() or bool(folder.run_keys())
 
 
 def is_of(results: Path, name: str, file: Path) -> bool:
-    """Whether the results are of this file as it is now; also where nobody knows of which."""
+    """Returns whether the results belong to the current file; also true if that was not
+    recorded."""
     content = read_object(results / name / "experiment.json") or {}
     known = content.get("file", {}).get("sha256")
     return known is None or known == _digest(file)
 
 
 def status_now(results: Path, name: str, given: str) -> Status:
-    """Of what `slambed run` would find of the file as it is now: by the keys of its own plan, by
-    whatever experiment runs were made. A mistake in the file is raised."""
+    """Returns what `slambed run` would find for the current file, by the keys of its plan,
+    whichever experiment executed the runs. Raises SlambedError for a mistake in the file."""
     library = Library()
     experiment, source = library.experiment(given)
     folder = ResultFolder(results / name)
     before = was_run(results, name)
     begun = f"{source.path.name} has changed since it was run" if before else "not run yet"
-    # What is not on this machine is known when its turn comes.
+    # Missing datasets are only found during the campaign.
     most = "at most " if experiment.missing_datasets == "skip" else ""
     count = f"{most}{planned_runs(experiment, source, library)} runs"
     start = f"start with 'slambed run {given}'"
@@ -85,7 +86,7 @@ def status_now(results: Path, name: str, given: str) -> Status:
 
 
 def cells_of(specs: list[RunSpec], folder: ResultFolder) -> list[CellStatus]:
-    """What is there of these runs, as a campaign finds it that is to execute them."""
+    """Returns the state of these runs as a campaign would find them."""
     cells: dict[str, CellStatus] = {}
     for spec in specs:
         cell = cells.setdefault(spec.cell, CellStatus(spec.cell))
@@ -101,7 +102,8 @@ def cells_of(specs: list[RunSpec], folder: ResultFolder) -> list[CellStatus]:
 
 
 def status_of(results: Path, name: str, yaml_path: Path | None, software: set[str]) -> Status:
-    """Compares experiment.json with the run folders. `software`: tags of what would run now."""
+    """Compares experiment.json with the run folders. `software`: tags of software that would run
+    now."""
     folder = ResultFolder(results / name)
     content = read_object(folder.path / "experiment.json") or {}
     try:
@@ -133,5 +135,5 @@ def _without_key(run: dict[str, Any]) -> dict[str, Any]:
 
 
 def _foreign(folder: ResultFolder) -> list[str]:
-    """What somebody put among the links to runs."""
+    """Returns entries among the run links that are not links."""
     return [key for key in folder.run_keys() if not (folder.runs / key).is_symlink()]

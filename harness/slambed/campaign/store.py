@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""results/runs/: every run that was ever executed, by its key. Nothing here is moved or replaced
-for what an experiment asks; a run gets in whole, or not at all.
+"""results/runs/: every executed run, by its key. Runs are added atomically and never moved or
+replaced because of an experiment's plan.
 """
 
 import contextlib
@@ -22,32 +22,32 @@ from slambed.records.manifest import Manifest
 State = Literal["valid", "invalid", "missing"]
 
 STORE = "runs"
-"""No experiment may be called so."""
+"""Reserved: not allowed as the id of an experiment."""
 ATTEMPTS = "attempts"
 LOCK = ".lock"
 RESULT_FILES = ("manifest.json", "summary.json", REFERENCE_FILE)
 NODE_FILES = ("node.json", "ready.json", "log.txt")
 ROLES = ("mobile", "edge")
 FULL_BYTES = 1 << 20
-"""A disk with less than this is full: a run leaves some hundred kilobytes at least."""
+"""A disk with less free space is full: a run needs at least some hundred kilobytes."""
 FULL_FILES = 64
-"""The same of its number of files."""
+"""The same limit for free inodes."""
 
 
 class RunStore:
-    """Runs by key, the invalid attempts, and this campaign's work folder."""
+    """The runs by key, the earlier attempts, and this campaign's work folder."""
 
     def __init__(self, results: Path) -> None:
         self.results = results
         self.runs = results / STORE
         self.attempts = results / ATTEMPTS
         self.work: Path | None = None
-        """Ours alone, from `open` to `close`."""
+        """Owned by this campaign between `open` and `close`."""
         self._lock = -1
 
     def open(self) -> None:
-        """Makes the folders and removes what killed campaigns left half done; what a living one
-        has in hand stays."""
+        """Creates the folders and removes unfinished runs of killed campaigns, but not of active
+        ones."""
         try:
             self.runs.mkdir(parents=True, exist_ok=True)
             everybody = self.results / WORK
@@ -66,7 +66,7 @@ class RunStore:
             ) from None
 
     def close(self) -> None:
-        """Leaves nothing of this campaign but its runs."""
+        """Removes temporary files of this campaign."""
         if self.work is not None:
             shutil.rmtree(self.work, ignore_errors=True)
             self.work = None
@@ -75,55 +75,55 @@ class RunStore:
             self._lock = -1
 
     def state(self, run_key: str) -> State:
-        """What is there of a run. A torn or foreign folder counts as missing."""
+        """Returns the state of a run. A truncated or foreign folder counts as missing."""
         summary = self.summary(run_key)
-        # Its manifest may be of any version: to be missing is to be executed again.
+        # The manifest may be of any version: a missing run would be executed again.
         if summary is None or read_object(self.runs / run_key / "manifest.json") is None:
             return "missing"
         return "valid" if summary.valid else "invalid"
 
     def summary(self, run_key: str) -> Summary | None:
-        """Of a run; None when it is not there or not whole."""
+        """Returns the summary of a run; None if it is missing or truncated."""
         return Summary.read(self.runs / run_key / "summary.json")
 
     def manifest(self, run_key: str) -> Manifest | None:
-        """Of a run; None when it is not there or not whole."""
+        """Returns the manifest of a run; None if it is missing or truncated."""
         return Manifest.read(self.runs / run_key / "manifest.json")
 
     def keys(self) -> list[str]:
-        """Of all runs."""
+        """Returns the keys of all runs."""
         if not self.runs.is_dir():
             return []
         return sorted(p.name for p in self.runs.iterdir() if p.is_dir())
 
     def attempts_of(self, run_key: str) -> int:
-        """How often a run was executed to its end."""
+        """Returns how often a run was executed to its end."""
         earlier = self.attempts / run_key
         count = sum(1 for _ in earlier.iterdir()) if earlier.is_dir() else 0
         return count + (self.state(run_key) != "missing")
 
     def new_raw(self, run_key: str) -> Path:
-        """An empty folder for the raw files of a run."""
+        """Returns an empty folder for the raw files of a run."""
         assert self.work is not None
         raw = self.work / run_key
         shutil.rmtree(raw, ignore_errors=True)
         raw.mkdir()
-        # The nodes of containers run as another user and must be able to enter.
+        # Nodes in containers run as another user and need access.
         raw.chmod(0o755)
         return raw
 
     def is_full(self) -> bool:
-        """Whether the disk has no room for one more run."""
+        """Returns whether the disk has no space for another run."""
         disk = os.statvfs(self.results)
-        # File systems without a table of files say 0 of 0.
+        # File systems without an inode limit report 0 of 0.
         no_files = disk.f_files > 0 and disk.f_favail < FULL_FILES
         return disk.f_bavail * disk.f_frsize < FULL_BYTES or no_files
 
     def commit(self, run_key: str, raw: Path, replace: bool = False) -> None:
-        """Gives a finished raw folder its final form and its place, by one rename.
+        """Converts a finished raw folder to its final form and adds it to the store atomically.
 
-        An earlier invalid attempt is kept; a valid one, which a campaign beside
-        this one has made meanwhile, stays, or becomes an earlier attempt where it is replaced.
+        An existing invalid attempt is kept as an earlier one. A valid run that a concurrent
+        campaign has added stays, or becomes an earlier attempt with `replace`.
         """
         assert self.work is not None
         tidy = self.work / f"{run_key}.whole"
@@ -146,7 +146,7 @@ class RunStore:
         shutil.rmtree(raw, ignore_errors=True)
 
     def put(self, run_key: str, tidy: Path, replace: bool = False) -> None:
-        """Gives a folder of final form, which lies in `work`, its place by one rename."""
+        """Moves a finished folder from `work` into the store atomically."""
         for path in [*tidy.rglob("*"), tidy]:
             _flush(path)
         with _locked(self.results / WORK / LOCK):
@@ -157,7 +157,7 @@ class RunStore:
         shutil.rmtree(tidy, ignore_errors=True)
 
     def _set_aside(self, run_key: str) -> None:
-        """An attempt is kept by its number, what is torn is removed."""
+        """Keeps an existing attempt under its number; removes a truncated one."""
         place = self.runs / run_key
         if self.state(run_key) == "missing":
             shutil.rmtree(place, ignore_errors=True)
@@ -167,14 +167,14 @@ class RunStore:
         place.rename(kept / f"{sum(1 for _ in kept.iterdir()) + 1}")
 
     def remove(self, run_key: str) -> None:
-        """Frees a run with all its attempts."""
+        """Deletes a run with all its attempts."""
         for folder in (self.runs / run_key, self.attempts / run_key):
             shutil.rmtree(folder, ignore_errors=True)
 
 
 @contextlib.contextmanager
 def _locked(path: Path) -> Iterator[None]:
-    """While others wait; the kernel frees it however we die."""
+    """Holds a lock, which the kernel releases even if this process is killed."""
     fd = os.open(path, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o666)
     try:
         fcntl.flock(fd, fcntl.LOCK_EX)
@@ -204,7 +204,7 @@ def _move(source: Path, target: Path) -> None:
 
 
 def _flush(path: Path) -> None:
-    """Its bytes (or, for a folder, its names) on disk."""
+    """Syncs a file's content, or a folder's entries, to disk."""
     fd = os.open(path, os.O_RDONLY)
     try:
         os.fsync(fd)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""One virtual run as it is handed to another process, of this host or of a cluster."""
+"""One virtual run as it is passed to another process on this host or in a cluster."""
 
 import threading
 from dataclasses import dataclass
@@ -14,7 +14,7 @@ from slambed.spec.run_spec import RunSpec
 
 @dataclass(frozen=True)
 class VirtualTask:
-    """Everything that a process needs to know of a run."""
+    """Everything that a process needs to execute a run."""
 
     spec: RunSpec
     raw: Path
@@ -23,16 +23,16 @@ class VirtualTask:
     program: Path
     features: Path | None
     command: list[str]
-    """What the user called: the process may be another's worker."""
+    """Command line of the user; differs from sys.argv in a worker process."""
     attempt: int = 1
 
     def execute(self) -> Summary:
-        """Simulates in the calling thread, then summarizes; returns the summary."""
+        """Simulates in the calling thread, then returns the summary."""
         run = VirtualRun(
             self.spec, self.sequence, self.played_s, self.raw, self.program, self.features
         )
         engine = EngineFacts(image_id=None)
-        never = threading.Event()  # who wants this to stop ends the process
+        never = threading.Event()  # never set: to stop the run, the process is killed
         start = prepare_raw(self.spec, self.raw)
         result = run.execute(never)
         return add_summary(

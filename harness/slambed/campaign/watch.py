@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Campaigns that run, with the runs that they have in hand; from their files alone."""
+"""Active campaigns and their runs in progress, from files only."""
 
 import time
 from dataclasses import dataclass, field
@@ -27,7 +27,7 @@ from slambed.spec.run_spec import RunSpec
 
 @dataclass(frozen=True)
 class Watched:
-    """One campaign at one moment."""
+    """The state of one campaign at one time."""
 
     state: CampaignState
     title: str
@@ -49,7 +49,7 @@ class CampaignWatch:
         self._pid = 0
 
     def look(self) -> Watched | None:
-        """As it is now; None where no campaign ever began."""
+        """Returns the current state; None if no campaign has begun."""
         for entry in self._ledger.new():
             if entry.get("event") == STARTED:
                 self._entries = []
@@ -76,7 +76,7 @@ class CampaignWatch:
         return Watched(state, self._title, engine, playing)
 
     def _frames(self, run: InHand) -> int | None:
-        """How many frames its playback offers, where its sequence is on this machine."""
+        """Returns the number of frames in the playback plan, if the sequence is on this machine."""
         spec = self._specs.get(run.run_key)
         if spec is None:
             return None
@@ -90,7 +90,7 @@ def _frames_of(spec: RunSpec) -> int | None:
     try:
         cache = SequenceCache(places.prepared_folder())
         sequence = cache.of_checksum(spec.sequence_checksum)
-    except SlambedError:  # a cache that may not be read
+    except SlambedError:  # unreadable cache
         return None
     return None if sequence is None else len(played_frames(sequence, spec.playback))
 
@@ -100,7 +100,7 @@ def _not_begun(run: InHand, now_s: float) -> Playing:
 
 
 def _specs(folder: Path) -> dict[str, RunSpec]:
-    """The runs of an experiment by key; those of other versions of slambed are left out."""
+    """Returns the runs of an experiment by key, without those of incompatible versions."""
     found: dict[str, RunSpec] = {}
     listed = object_or_empty(folder / "experiment.json").get("runs")
     for run in listed if isinstance(listed, list) else []:
@@ -113,5 +113,5 @@ def _specs(folder: Path) -> dict[str, RunSpec]:
 
 
 def running(results: Path) -> list[str]:
-    """Experiments whose campaign is under way."""
+    """Returns the experiments with an active campaign."""
     return [state.experiment for state in campaign_states(results, time.time()) if state.alive]

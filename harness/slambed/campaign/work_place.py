@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Where a campaign has its runs in hand, until each gets its place in the store."""
+"""Work folder of a campaign's runs in progress, before they are added to the store."""
 
 import os
 from pathlib import Path
@@ -9,11 +9,12 @@ WORK = ".work"
 
 
 def work_name() -> str:
-    """Of this process's folder in `results/.work/`: its number finds it, the rest is nobody's."""
+    """Returns the name of this process's folder in `results/.work/`: its process id and a random
+    suffix."""
     return f"{os.getpid()}-{token_hex(4)}"
 
 
 def raw_of(results: Path, pid: int, run_key: str) -> Path | None:
-    """Where a process has a run in hand; None where it has not begun, or is done."""
+    """Returns the folder of a run in progress; None if it has not begun or is done."""
     found = sorted((results / WORK).glob(f"{pid}-*/{run_key}"))
     return found[-1] if found else None

@@ -1,2 +1,3 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Every command line: what it takes, what it prints, how it ends. Nothing else imports it."""
+"""The command line: arguments, output and exit codes of every command. Nothing else imports this
+package."""

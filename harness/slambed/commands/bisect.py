@@ -11,13 +11,13 @@ from slambed.spec.selection import CELL, Selection
 from slambed.terminal import console
 
 LEAST_RUNS = 2
-"""Pairs that a test needs to show anything."""
+"""Fewest pairs that a test can work with."""
 
 
 def bisect(
     experiment: Annotated[str, typer.Argument(help="Name in experiments/, or path of a file.")],
     good: Annotated[str, typer.Option(help="Commit, tag, or results folder of one commit.")],
-    bad: Annotated[str, typer.Option(help="The same, where the regression gate closed.")] = "HEAD",
+    bad: Annotated[str, typer.Option(help="The same, where the regression gate failed.")] = "HEAD",
     metric: Annotated[
         list[str] | None,
         typer.Option(help="Only this; else all that the regression gate looks at."),
@@ -32,11 +32,11 @@ def bisect(
     alpha: Annotated[float, typer.Option(help="Chance of a false alarm at a commit.")] = 0.05,
     results: Annotated[Path, typer.Option(help="Folder of all results.")] = Path("results"),
 ) -> None:
-    """Find the first commit that the regression gate would not pass, by virtual runs of equal
-    seeds.
+    """Find the first commit that fails the regression gate, with virtual runs of equal seeds.
 
-    Commits are checked out beside the results, built where their sources differ, and measured by
-    their own harness; what was measured is kept. Ends with 1 where skipped commits leave it open.
+    Commits are checked out in the results folder, built where their sources differ, and measured by
+    their own harness. Measurements are kept. Exits with 1 when skipped commits leave the answer
+    open.
     """
     from slambed.campaign.plan import check, repetitions
     from slambed.files.outputs import make_folder

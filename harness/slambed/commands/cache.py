@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""`slambed cache size|prune`: what is kept outside of results, and freeing what nobody uses."""
+"""`slambed cache size|prune`: shows and frees the cache outside of results."""
 
 from __future__ import annotations
 
@@ -24,28 +24,27 @@ app = typer.Typer(
 GIGABYTE = 1e9
 DAY_S = 86400.0
 BLOCK_BYTES = 512
-"""In which st_blocks counts, whatever the disk's own blocks are (POSIX)."""
+"""Unit of st_blocks, independent of the disk's block size (POSIX)."""
 
 
 @dataclass(frozen=True)
 class Item:
-    """One sequence, mask cache, exported folder, ..., with all files that it consists of."""
+    """One sequence, mask cache, exported folder, ..., with all its files."""
 
     kind: str
     path: Path
     bytes: int
     """On disk."""
     used_s: float
-    """When it was last read or written, in seconds of the epoch. Linux notes reading once a day
-    (`relatime`), and not at all where the disk is mounted with `noatime`."""
+    """Last access or write, in seconds since the epoch. Linux updates access times once a day
+    (`relatime`), or never on a disk mounted with `noatime`."""
 
     def unused_days(self) -> float:
-        """Since the last use."""
         return (time.time() - self.used_s) / DAY_S
 
 
 def items(cache: Path) -> Iterator[Item]:
-    """All of `cache` that is made again where it is missing, in the order of its names."""
+    """Yields everything in `cache` that slambed can recreate, by kind and name."""
     for kind in MADE_AGAIN:
         try:
             entries = sorted((cache / kind).iterdir())
@@ -54,13 +53,13 @@ def items(cache: Path) -> Iterator[Item]:
         except OSError as refused:
             raise no_cache(cache / kind, refused) from refused
         for entry in entries:
-            # A lock that somebody waits for must stay the file that it is.
+            # Deleting a lock file would break the lock for processes that wait on it.
             if entry.suffix != ".lock" and entry.name != ".lock":
                 yield from _item(kind, entry)
 
 
 def _item(kind: str, path: Path) -> Iterator[Item]:
-    """Nothing where a campaign that tidies up has just taken it away."""
+    """Yields nothing when a concurrent campaign has just removed it."""
     inside = [] if path.is_symlink() or not path.is_dir() else path.rglob("*")
     try:
         statuses = [(file, file.lstat()) for file in [path, *inside]]
@@ -68,13 +67,14 @@ def _item(kind: str, path: Path) -> Iterator[Item]:
         return
     except OSError as refused:
         raise no_cache(path, refused) from refused
-    # Looking into a folder is no use of what it holds.
+    # Listing a folder changes its access time, which is not a use of its files.
     times = [s.st_mtime if S_ISDIR(s.st_mode) else max(s.st_atime, s.st_mtime) for _, s in statuses]
     yield Item(kind, path, BLOCK_BYTES * sum(s.st_blocks for _, s in statuses), max(times))
 
 
 def remove(item: Item) -> None:
-    """Whole or not at all, as others see it: a sequence without its frames would be damaged."""
+    """Removes an item atomically for other processes: a sequence without its frames would be
+    damaged."""
     try:
         if item.path.is_symlink() or not item.path.is_dir():
             item.path.unlink(missing_ok=True)
@@ -83,14 +83,14 @@ def remove(item: Item) -> None:
         item.path.rename(gone)
         shutil.rmtree(gone)
     except FileNotFoundError:
-        return  # by another who tidied up
+        return  # another process removed it
     except OSError as refused:
         raise no_cache(item.path, refused) from refused
 
 
 @app.command()
 def size(as_json: JsonOption = False) -> None:
-    """Say what each kind takes, and since when nobody has used it."""
+    """Show how much space each kind takes, and how long it has been unused."""
     cache = cache_folder()
     found = list(items(cache))
     if as_json:
@@ -124,7 +124,7 @@ def prune(
     ] = None,
     yes: Annotated[bool, typer.Option("--yes", help="Really remove it.")] = False,
 ) -> None:
-    """Remove what is made again where an experiment wants it; downloads stay."""
+    """Remove cached items that slambed recreates when an experiment needs them; downloads stay."""
     if unknown := sorted(set(kind or ()) - set(MADE_AGAIN)):
         raise SlambedError(f"no kind {unknown[0]!r}; --kind is one of {', '.join(MADE_AGAIN)}")
     kinds = set(kind or MADE_AGAIN)

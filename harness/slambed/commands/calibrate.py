@@ -46,16 +46,16 @@ def calibrate(
     ] = None,
     seconds: Annotated[float, typer.Option(min=1.0, help="Per measurement of --limits.")] = 10.0,
 ) -> None:
-    """Find out what this host computes, and what a device costs.
+    """Measure the speed of this host, and fit the costs of a device.
 
-    --host measures the speed of a core with fixed work and keeps it: from then on the limits of
-    devices with a board (cores, core_speed) follow from it. --limits shows what one and four busy
-    threads get under a device's limits, and the longest freeze of a thread.
+    --host measures the speed of a core with fixed work and stores it. From then on it sets the
+    limits of devices with a board (cores, core_speed). --limits shows what one and four busy
+    threads get under a device's limits, and a thread's longest freeze.
 
-    --stages fits the cost model of a device (what each stage costs, a + b*n1 + c*n2) to live runs
-    of this host, shows the residuals, and writes it into a device file. --match scales it until
-    virtual runs show the component times that a paper prints, and writes the devices of that fit;
-    with --check it writes nothing and shows how well they fit.
+    --stages fits a device's cost model (a + b*n1 + c*n2 per stage) to live runs of this host and
+    shows the residuals; -o writes it to a device file. --match scales the model until virtual runs
+    show the component times that a paper prints, and writes the devices of that fit. With --check
+    it writes nothing and shows how well they fit.
     """
     from slambed.calibrate.actions import calibrate_host, check_limits, fit_host, match_paper
 

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a shell offers when Tab is pressed: commands, and names of what there is a file of.
+"""Tab completion: commands, and the names of existing files.
 
-Loading a command's module takes seconds. So names stand here, with who takes which, and stand-ins
-for the commands; only for the options of a command its own module is loaded.
+Loading a command's module takes seconds. So this module lists the arguments of each command and
+registers stand-ins for the commands; the real module is loaded only for options.
 """
 
 import json
@@ -34,7 +34,7 @@ VALUES: dict[str, tuple[str, ...]] = {
         NO_CHOICE,
     ),
 }  # fmt: skip
-"""Options that a value follows -> the values, where they can be listed."""
+"""Maps an option that takes a value to its values, where they can be listed."""
 
 
 def _stems(folder: str) -> list[str]:
@@ -60,7 +60,7 @@ def _experiments() -> list[str]:
 
 
 def _with_results() -> list[str]:
-    """Experiments that have a folder in results/, where the shell is."""
+    """Returns experiments with a folder in results/ of the current directory."""
     return [path.parent.name for path in Path("results").glob("*/experiment.json")]
 
 
@@ -77,11 +77,12 @@ def _datasets() -> list[str]:
 
 
 SELECTIONS = {"--a", "--b", "--only", "--force"}
-"""Options that a selection of cells follows (slambed.spec.selection)."""
+"""Options that take a selection of cells (slambed.spec.selection)."""
 
 
 def _selections(words: list[str]) -> set[str]:
-    """Those of one key that the results named on the line have: `system=edgeslam`."""
+    """Returns the single-key selections, such as `system=edgeslam`, of results named on the
+    line."""
     folders = [folder for word in words for folder in (Path(word), Path("results") / word)]
     found: set[str] = set()
     for folder in folders:
@@ -90,7 +91,7 @@ def _selections(words: list[str]) -> set[str]:
             named = [(key, run.get(name)) for run in runs for key, name in KEPT.items()]
         except (OSError, ValueError, KeyError, TypeError, AttributeError):
             continue
-        # What a shell would take for two words is left out.
+        # Values with spaces are left out: a shell would split them.
         found |= {f"{k}={v}" for k, v in named if isinstance(v, str) and v and " " not in v}
     return found
 
@@ -99,13 +100,13 @@ KEPT = {
     "system": "system", "variant": "variant", "label": "label", "dataset": "dataset",
     "link": "profile", "engine": "engine",
 }  # fmt: skip
-"""Key of a selection -> what a run of experiment.json calls it."""
+"""Maps the key of a selection to the key of a run in experiment.json."""
 
 KINDS = (
     "experiment", "system", "shared-params", "device", "device-fit", "dataset", "profile", "paper",
     "plan", "input", "network", "inference", "hosts",
 )  # fmt: skip
-"""Of the YAML files that have a schema."""
+"""Kinds of YAML files that have a schema."""
 
 TAKES: dict[tuple[str, ...], Callable[[], Iterable[str]]] = {
     ("run",): _experiments,
@@ -128,21 +129,22 @@ TAKES: dict[tuple[str, ...], Callable[[], Iterable[str]]] = {
     **{("papers", verb): _papers for verb in ("compare", "lint", "plan", "power")},
     ("papers", "run"): lambda: ["all", *_papers()],
 }
-"""Command -> the names that may follow it."""
+"""Maps a command to the names it takes."""
 
 
 @dataclass(frozen=True)
 class Asked:
-    """A command line that somebody is writing, without the name of the program."""
+    """A command line being typed, without the name of the program."""
 
     words: list[str]
-    """Those that are written to their end."""
+    """The complete words."""
     begun: str
-    """The one under the cursor."""
+    """The word under the cursor."""
 
 
 def asked(environment: Mapping[str, str]) -> Asked | None:
-    """What the shell's script hands over (Typer's variables); None when no shell asks."""
+    """Returns the command line from Typer's environment variables, or None when no shell asks for
+    completion."""
     if VARIABLE not in environment:
         return None
     if "COMP_WORDS" in environment:
@@ -156,7 +158,8 @@ def asked(environment: Mapping[str, str]) -> Asked | None:
 
 
 def names_for(line: Asked) -> list[str] | None:
-    """What may stand under the cursor; None where only the command itself knows."""
+    """Returns completions of the word under the cursor, or None where only the command itself
+    knows."""
     if line.begun.startswith("-") or not line.words:
         return None
     if (last := line.words[-1]) in SELECTIONS:
@@ -173,8 +176,7 @@ def names_for(line: Asked) -> list[str] | None:
 
 
 def add_stand_ins(app: typer.Typer, line: Asked, commands: Iterable[str]) -> bool:
-    """Commands that answer this one question, in the place of the real ones; False where the real
-    one must be asked."""
+    """Adds stand-ins that answer this completion; False where the real command is needed."""
     if not line.words:
         for name in commands:
             app.command(name)(_nothing)
@@ -189,7 +191,7 @@ def add_stand_ins(app: typer.Typer, line: Asked, commands: Iterable[str]) -> boo
     def takes_names(
         words: Annotated[list[str] | None, typer.Argument(autocompletion=offered)] = None,
     ) -> None:
-        """Stands for the command that is being written."""
+        """Stand-in for the command being typed."""
 
     anything = {"ignore_unknown_options": True, "allow_extra_args": True}
     app.command(line.words[0], context_settings=anything)(takes_names)
@@ -197,6 +199,5 @@ def add_stand_ins(app: typer.Typer, line: Asked, commands: Iterable[str]) -> boo
 
 
 def _nothing() -> None:
-    # Stands for a command of which only the name is asked; a docstring would be reported as its
-    # help.
+    # Stand-in for a command whose name is completed; a docstring would be shown as its help.
     pass

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""`slambed data`: which sequences there are, and making them ready."""
+"""`slambed data`: lists, downloads, prepares and exports sequences."""
 
 from __future__ import annotations
 
@@ -29,8 +29,8 @@ Id = Annotated[
 
 
 def state(catalog: Catalog, dataset: Dataset) -> str:
-    """prepared, found, generated or missing; a choice reports which it takes, and instead of
-    what."""
+    """Returns prepared, found, generated or missing. For a choice of datasets it returns the one in
+    use, and the missing one it replaces."""
     from slambed.data.cache import SequenceCache
 
     if dataset.first_of:
@@ -44,7 +44,8 @@ def state(catalog: Catalog, dataset: Dataset) -> str:
 
 
 def list_datasets(as_json: JsonOption = False) -> None:
-    """All datasets and whether they are here; exit 2 where a file of them cannot be read."""
+    """List all datasets and whether they are on this machine; exits with 2 where a dataset file
+    cannot be read."""
     from slambed.data.catalog import Catalog
 
     catalog = Catalog.load()
@@ -67,7 +68,7 @@ def list_datasets(as_json: JsonOption = False) -> None:
 
 
 def _entries(catalog: Catalog) -> list[dict[str, object]]:
-    """For a script: what the files say and what is here of them."""
+    """Returns each dataset file with its state, for scripts."""
     return [
         *(
             {**d.model_dump(mode="json"), "state": state(catalog, d)}
@@ -80,9 +81,11 @@ def _entries(catalog: Catalog) -> list[dict[str, object]]:
 @app.command("prepare")
 def prepare_dataset(
     dataset: Id,
-    cache: Annotated[Path | None, typer.Option(help="cache folder; default $SLAMBED_CACHE")] = None,
+    cache: Annotated[
+        Path | None, typer.Option(help="Cache folder; default $SLAMBED_CACHE.")
+    ] = None,
 ) -> None:
-    """Decode or generate a sequence once; playback then only maps memory."""
+    """Decode or generate a sequence once; playback then only maps it into memory."""
     from slambed.data.catalog import prepare
     from slambed.data.prepared import SEQUENCE_FILE
 
@@ -100,8 +103,8 @@ def prepare_dataset(
 
 
 def _offer_download(name: str) -> None:
-    """What a stand-in stands for, to fetch now where somebody can be asked, else with the command
-    that fetches it."""
+    """Offers to download the dataset that a stand-in replaces; without a terminal it prints the
+    command."""
     from slambed.data.catalog import Catalog
     from slambed.data.download import how_to_get, recipe_text
     from slambed.data.stand_in import played_instead
@@ -115,13 +118,13 @@ def _offer_download(name: str) -> None:
     elif typer.confirm(
         f"{message}. {recipe_text(wanted, places.download_folder())}. Fetch it now?"
     ):
-        # Whoever answered has read that no checksum is known.
+        # The question already said that no checksum is known.
         download(wanted.id, force=True)
 
 
 @app.command()
 def verify(path: Annotated[Path, typer.Argument(help="folder of a prepared sequence")]) -> None:
-    """Check a prepared sequence against its checksums, every frame."""
+    """Check every frame of a prepared sequence against its checksums."""
     from slambed.data.prepared import PreparedSequence
 
     sequence = PreparedSequence.open(path)
@@ -133,7 +136,7 @@ def verify(path: Annotated[Path, typer.Argument(help="folder of a prepared seque
 def show(
     dataset: Id,
     output: Annotated[
-        Path | None, typer.Option(help="PNG to write; default: in the cache, and said")
+        Path | None, typer.Option(help="PNG to write; default: in the cache, its path is printed")
     ] = None,
     frames: Annotated[int, typer.Option(min=1, max=200, help="pictures on the sheet")] = 12,
 ) -> None:
@@ -155,15 +158,18 @@ def difficulty(
     output: Annotated[
         Path | None,
         typer.Option(
-            "-o", "--output", help="figure: .png, .svg, .pdf; default: in the cache, and said"
+            "-o",
+            "--output",
+            help="figure: .png, .svg, .pdf; default: in the cache, its path is printed",
         ),
     ] = None,
     table: Annotated[Path | None, typer.Option(help="CSV to write: a row per gap")] = None,
 ) -> None:
-    """Measure how hard sequences are across a gap: matches 0.1 to 2 s apart, and which are right.
+    """Measure how hard sequences are after a gap: features matched 0.1 to 2 s apart, and how many
+    matches are right.
 
-    Features are matched by descriptors alone, as ORB-SLAM2 falls back to after missing frames; what
-    is right is known from ground truth and depth (a camera without depth: from the epipolar line).
+    Features are matched by descriptors alone, as ORB-SLAM2 does after missing frames. Ground truth
+    and depth tell which matches are right (without depth: the epipolar line).
     """
     from slambed.data.catalog import prepare
     from slambed.data.difficulty import measure
@@ -189,7 +195,7 @@ def export(
     layout: Annotated[str, typer.Option("--format", help="tum, euroc, kitti or mcap")],
     output: Annotated[Path | None, typer.Option(help="folder to write; default ID-FORMAT")] = None,
 ) -> None:
-    """Write a sequence as a folder of pictures, or a ROS 2 bag, that other programs read."""
+    """Export a sequence as a folder of images, or as a ROS 2 bag, for other programs."""
     from slambed.data.catalog import prepare
     from slambed.data.export import export as write_export
 
@@ -208,7 +214,7 @@ def export(
 
 @app.command()
 def where() -> None:
-    """Folders that are searched, and the cache."""
+    """Show the folders that are searched, and the cache."""
     for folder in places.dataset_folders():
         state = places.state_of(folder)
         typer.echo(f"{folder}  (dataset files{f', {state}' if state else ''})")
@@ -253,7 +259,7 @@ def import_camera(
         float | None, typer.Option(min=0, help="to the right camera; of depth, a virtual one")
     ] = None,
 ) -> None:
-    """Print the `camera` of a dataset file from another tool's calibration."""
+    """Convert another tool's calibration to the `camera` of a dataset file and print it."""
     from slambed.data.import_camera import camera_yaml
 
     text, notes = camera_yaml(file, camera, baseline_m)
@@ -263,7 +269,7 @@ def import_camera(
 
 
 def describe(sequence: PreparedSequence) -> str:
-    """One line about a sequence."""
+    """Returns one line about a sequence."""
     info = sequence.info
     truth = "with" if sequence.groundtruth_file else "without"
     return (

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""`slambed doctor`: what this machine can do, and what each missing thing costs."""
+"""The checks of `slambed doctor`: what this machine can do, and what each missing part prevents."""
 
 import os
 import platform
@@ -33,11 +33,11 @@ class Finding:
     level: Level
     found: str
     cost: str = ""
-    """What is lost without it, and what to do."""
+    """What does not work without it, and what to do."""
 
 
 def examine() -> list[Finding]:
-    """All findings; no check can stop the others."""
+    """Returns all findings; a failed check does not stop the others."""
     checks: list[Callable[[], Finding]] = [
         _system,
         _python,
@@ -58,7 +58,7 @@ def examine() -> list[Finding]:
 
 
 def can_run(findings: list[Finding]) -> bool:
-    """False when no live experiment can run here as things are."""
+    """Returns False when no live experiment can run on this machine."""
     return all(finding.level != "fatal" for finding in findings)
 
 

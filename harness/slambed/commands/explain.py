@@ -16,9 +16,9 @@ if TYPE_CHECKING:
 
 FORMATS = (".png", ".svg", ".pdf")
 PICTURES = "pictures"
-"""In the run's folder."""
+"""Subfolder of the run's folder."""
 AROUND_S = 2.0
-"""Shown before and after what `--around` asks for."""
+"""Seconds shown before and after the time of `--around`."""
 
 
 def explain(
@@ -53,12 +53,12 @@ def explain(
         Path | None, typer.Option(help="Folder of the pictures; pictures/ beside the run's files.")
     ] = None,
 ) -> None:
-    """Show what happened in one run: a time line picture, and its story in lines.
+    """Show what happened in one run: a timeline figure, and the story in text.
 
-    Who computed what when, messages under way, states, RTT and track losses; live and virtual runs
-    alike. --around loss also says why track was lost and shows the pictures on both sides of it,
-    where the sequence is prepared here. --slowest shows for the longest frames whether they had
-    more to compute, were throttled by their limits, stalled by the host, or queued; it draws
+    The timeline shows stages, messages in flight, states, RTT and track losses, for live and
+    virtual runs. --around loss also shows why track was lost, with the images before and after if
+    the sequence is prepared on this machine. --slowest lists the slowest frames, and whether they
+    had more to compute, were throttled by their limits, stalled by the host, or queued; it draws
     nothing.
     """
     from slambed.commands.find_run import find_run
@@ -93,7 +93,7 @@ def explain(
     if (begin is not None and begin < 0.0) or (end is not None and end > log.end_s):
         typer.echo(f"note: the run is from 0 to {log.end_s:.1f} s, there is nothing beyond")
     if around == "loss":
-        for loss in losses_in(log)[:1]:  # none where events report losses but no frames
+        for loss in losses_in(log)[:1]:  # empty when events report losses but no frames
             typer.echo(f"why it was lost at {loss.t_s:.2f} s ({loss.cause}): {sentence(loss)}")
             typer.echo(draw_loss(log, loss, target.with_stem(f"{target.stem}_loss")))
     draw(log, window, target)
@@ -101,7 +101,7 @@ def explain(
 
 
 def draw_path(folder: Path, out: Path, rerun: bool, sequence: Path | None) -> Iterator[Path]:
-    """The run's path over the true one, and a Rerun recording where asked for."""
+    """Draws the run's path over the ground truth, and writes a Rerun recording if `rerun`."""
     from slambed.explain.view import view_of, write_png, write_rerun
 
     found = view_of(folder)
@@ -114,7 +114,7 @@ def draw_path(folder: Path, out: Path, rerun: bool, sequence: Path | None) -> It
 def choose_window(
     log: "RunLog", begin: float | None, end: float | None, around: str | None
 ) -> "Window":
-    """What the options ask for of the run; the whole of it when they ask for nothing."""
+    """Returns the time window of the options; without options, the whole run."""
     from slambed.explain.picture import Window
 
     if around is not None:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The run that somebody means: a folder, or some digits of a key."""
+"""Finds a run by its folder or by the first digits of its key."""
 
 from pathlib import Path
 
@@ -9,10 +9,11 @@ LEAST_DIGITS = 4
 
 
 def find_run(run: str, results: Path) -> Path:
-    """A run folder by its path, or by its key or the beginning of it.
+    """Returns a run folder by its path, its key, or the beginning of its key.
 
-    Where an experiment has the run, the folder is the one there: what is not resolved leads to the
-    experiment. A run that several experiments share is one. Raises SlambedError for none or many.
+    Prefers the link inside an experiment's folder and does not resolve it, so that the path leads
+    to the experiment. A run that several experiments share counts once. Raises SlambedError when no
+    run or several match.
     """
     if (folder := Path(run)).is_dir():
         return folder.absolute()

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Where matplotlib and fontconfig keep what they know of fonts, when the caller's home cannot be
-written to: each of them would warn of that in every command."""
+"""Moves the font caches of matplotlib and fontconfig when the caller's home is not writable;
+otherwise both would warn in every command."""
 
 import atexit
 import logging
@@ -13,9 +13,9 @@ from slambed.native import cache_folder
 
 
 def settle_font_caches() -> None:
-    """Before matplotlib is imported. Without a home that can be written to they have a folder as
-    long as this process lives; slambed's own cache stays where it was."""
-    # That fonts will be looked for again the next time is no matter of the caller's.
+    """Call it before matplotlib is imported. Without a writable home, the font caches get a
+    temporary folder for this process; slambed's own cache stays where it was."""
+    # The warning that fonts will be searched again next time does not help the user.
     logging.getLogger("matplotlib").setLevel(logging.ERROR)
     base = Path(os.environ.get("XDG_CACHE_HOME") or "~/.cache").expanduser()
     if _can_be_made(base):
@@ -31,5 +31,5 @@ def _can_be_made(folder: Path) -> bool:
     try:
         there = next(place for place in (folder, *folder.parents) if place.exists())
     except OSError:
-        return False  # it may not even be looked into
+        return False  # a parent folder denies access
     return os.access(there, os.W_OK | os.X_OK)

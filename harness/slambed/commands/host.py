@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""`slambed doctor`, `images` and `clean`: this host, and what runs leave on it."""
+"""`slambed doctor`, `images`, `setup` and `clean`: commands about this host."""
 
 import os
 import subprocess
@@ -16,7 +16,7 @@ from slambed.terminal import JsonOption, console, print_json
 
 
 def doctor(as_json: JsonOption = False) -> None:
-    """Say what this machine can do, and what each missing thing costs."""
+    """Show what this machine can do, and what each missing part prevents."""
     from slambed.commands import doctor as examination
 
     findings = examination.examine()
@@ -40,7 +40,7 @@ def doctor(as_json: JsonOption = False) -> None:
 def images(
     force: Annotated[bool, typer.Option("--force", help="Build even if it is there.")] = False,
 ) -> None:
-    """Build the node image that belongs to the sources of this checkout."""
+    """Build the node image for the sources of this checkout."""
     from slambed.engines.docker_image import build_image, connect, find_image, image_tag
 
     client = connect()
@@ -57,9 +57,9 @@ def setup(
         str, typer.Option(help="auto, docker, local or virtual: what the programs are for.")
     ] = "auto",
 ) -> None:
-    """Compile the C++ programs of this package, or take them from the node image where that is.
+    """Compile the C++ programs of this package, or copy them from the node image if it exists.
 
-    Missing packages are installed by apt. In a checkout 'make build' does the same.
+    Missing packages are installed with apt. In a checkout, 'make build' does the same.
     """
     from slambed.native import build_folder, repository_root
     from slambed.spec.software import source_hash
@@ -76,8 +76,8 @@ def setup(
 
 
 def clean() -> None:
-    """Remove what killed campaigns left on this host: containers, processes, control groups; and
-    on boards that they had."""
+    """Remove what killed campaigns left on this host (containers, processes, control groups) and on
+    the boards they used."""
     from slambed.engines.board.leftovers import clean_boards
     from slambed.engines.host_lock import STOP, host_lock
     from slambed.engines.reaper import reap

@@ -18,7 +18,7 @@ def infer(
     ],
     quick: Annotated[bool, typer.Option("--quick", help="The plan's quick form.")] = False,
     dry_run: Annotated[
-        bool, typer.Option("--dry-run", help="Say how many runs it takes, and how long.")
+        bool, typer.Option("--dry-run", help="Show how many runs it takes, and how long.")
     ] = False,
     results: Annotated[Path, typer.Option("--results", help="Folder of all results.")] = Path(
         "results"
@@ -27,12 +27,12 @@ def infer(
         int | None, typer.Option(min=1, help="Virtual runs at a time; all CPUs if not given.")
     ] = None,
 ) -> None:
-    """Fit what a paper leaves open on some of its numbers, and predict others.
+    """Fit a paper's unknown parameters to some of its numbers, and predict others.
 
-    Virtual runs at points spread over what the plan leaves open; those whose likelihood of the
-    printed counts is near to the best are kept and predict the numbers held out. The page reports
-    fit, profiles, predictions in or out, attribution and what failed. What is there is not
-    executed again: the same call goes on after an interrupt.
+    Virtual runs sample points of the plan's unknowns. Points whose likelihood of the printed counts
+    is close to the best are kept and predict the numbers held out. The page reports the fit,
+    profiles, predictions, attribution and failures. Finished runs are reused, so the same command
+    continues after an interrupt.
     """
     from slambed.campaign.options import Options
     from slambed.infer.campaign import StoppedError

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""`slambed inputs`: files that runs need and other runs make."""
+"""`slambed inputs`: files that runs need and that other runs produce."""
 
 import json
 from typing import TYPE_CHECKING, Annotated, Any
@@ -18,7 +18,7 @@ Name = Annotated[str, typer.Argument(help="Name of a recipe in catalog/inputs/."
 
 
 def list_inputs(as_json: JsonOption = False) -> None:
-    """Every recipe, and whether a file was made of it."""
+    """List every recipe, and when its newest file was made."""
     from slambed.campaign.prepared_inputs import find_prepared, inputs_folder
     from slambed.spec.library import Library
 
@@ -39,7 +39,7 @@ def list_inputs(as_json: JsonOption = False) -> None:
 
 @app.command()
 def prepare(name: Name) -> None:
-    """Make a file now, or find it where it was made; experiments do it themselves."""
+    """Make the file of a recipe now, or find an existing one; experiments do this themselves."""
     from slambed.campaign.prepared_inputs import prepare_input
     from slambed.spec.library import Library
 
@@ -49,7 +49,7 @@ def prepare(name: Name) -> None:
 
 @app.command()
 def show(name: Name, as_json: JsonOption = False) -> None:
-    """What is known of the newest file of a recipe: its run, and what was found of it."""
+    """Show the newest file of a recipe: the run that made it, and what was measured of it."""
     from slambed.campaign.prepared_inputs import find_prepared
     from slambed.spec.library import Library
 
@@ -66,7 +66,7 @@ def show(name: Name, as_json: JsonOption = False) -> None:
 
 
 def _entry(library: "Library", name: str) -> dict[str, Any]:
-    """A recipe with its newest file, null where none was made."""
+    """Returns a recipe with its newest file, or null where none was made."""
     from slambed.campaign.prepared_inputs import find_prepared
 
     made = find_prepared(name)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""`slambed link`: measuring the emulated link on this machine."""
+"""`slambed link`: measures the emulated link on this machine."""
 
 from __future__ import annotations
 
@@ -33,7 +33,8 @@ def measure(
     log: Annotated[Path | None, typer.Option(help="Link log to write: .csv or .parquet.")] = None,
     output: Annotated[Path | None, typer.Option(help="PNG to write.")] = None,
 ) -> None:
-    """Prove the link on this machine: two namespaces, a profile, asked against measured."""
+    """Verify the link on this machine: play a profile between two namespaces, compare requested
+    with measured RTT."""
     from slambed.link.bench import measure_link
     from slambed.link.plots import plot_links
 
@@ -73,7 +74,7 @@ def bench(
     ),
     flood: Annotated[int, typer.Option(help="Packets of the reordering test; 0 = none.")] = 0,
 ) -> None:
-    """Measure a backend: delay errors of six profiles, TCP throughput, reordering."""
+    """Measure a backend: delay errors of six profiles, TCP throughput, packet reordering."""
     import pandas as pd
 
     from slambed.link import bench as measurements
@@ -103,7 +104,8 @@ def statistics(
     seconds: Annotated[float, typer.Option(min=1.0, help="Per impairment.")] = 30.0,
     seed: Annotated[int, typer.Option(help="Of losses and jitter.")] = 1,
 ) -> None:
-    """Are loss and jitter of real packets those asked for? Each within 3 standard errors."""
+    """Check that loss and jitter of real packets are within 3 standard errors of the requested
+    values."""
     from slambed.link import statistics as measurements
 
     headings = ["impairment", "packets", "held up", "", "asked", "found", "standard errors"]
@@ -137,7 +139,7 @@ def messages(
     hz: Annotated[float, typer.Option(min=0.1, help="With --profile: messages a second.")] = 10.0,
     seeds: Annotated[int, typer.Option(min=1, help="With --profile: seeds 1 to this.")] = 3,
 ) -> None:
-    """Send the same messages through a real link and through the virtual engine's model of it."""
+    """Send the same messages through a real link and through the virtual engine's link model."""
     from slambed.link import messages as traffic
     from slambed.link.profile import load_profile
 
@@ -160,7 +162,7 @@ def messages(
 
 
 def _keep(table: pd.DataFrame, output: Path | None) -> None:
-    """Where somebody asked for it."""
+    """Writes the table if an output was given."""
     if output is not None:
         with writing(output):
             table.to_csv(output, index=False, float_format="%.4f")
@@ -170,10 +172,10 @@ def _keep(table: pd.DataFrame, output: Path | None) -> None:
 def compare(
     logs: Annotated[list[Path], typer.Argument(help="Link logs: CSV of `link bench` or Parquet.")],
     output: Annotated[
-        Path | None, typer.Option(help="PNG to write; default: in the cache, and said.")
+        Path | None, typer.Option(help="PNG to write; default: in the cache, its path is printed.")
     ] = None,
 ) -> None:
-    """Plot link logs side by side: asked, applied, measured, and the error."""
+    """Plot link logs side by side: requested, applied and measured RTT, and the error."""
     import pandas as pd
 
     from slambed.link.plots import plot_links

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""`slambed systems`, `devices` and `experiments`: what there is to name in an experiment's file."""
+"""`slambed systems`, `devices` and `experiments`: lists what an experiment file can name."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ def _list(
     further: str,
     as_json: bool,
 ) -> None:
-    """A line for each, its title last; a file that cannot be read says why there."""
+    """Prints one row per name, with the title last; an unreadable file shows the reason instead."""
     if as_json:
         print_json([json_entry(name, load) for name in names])
         return
@@ -52,7 +52,7 @@ def _list(
 
 
 def list_systems(as_json: JsonOption = False) -> None:
-    """Every system of the checkout, and of folders in $SLAMBED_SYSTEMS."""
+    """List every system of the checkout and of the folders in $SLAMBED_SYSTEMS."""
     from slambed.spec.library import Library
 
     library = Library()
@@ -71,7 +71,7 @@ def show_system(
     name: Annotated[str, typer.Argument(help="Name, or path of a system.yaml.")],
     as_json: JsonOption = False,
 ) -> None:
-    """Variants, parameters and stages of a system: defaults, ranges, units, sources, costs."""
+    """Show variants, parameters and stages of a system: defaults, ranges, units, sources, costs."""
     from slambed.spec.library import Library
 
     system = Library().system(name)
@@ -89,7 +89,7 @@ def show_system(
 
 
 def _stages(system: System) -> Table:
-    """What they cost on devices whose files say nothing of them."""
+    """Returns what stages cost on devices whose files do not list them."""
     table = Table("stage", "costs", "node", "meaning", box=None)
     for name, stage in system.stages.items():
         factor = f"{stage.factor:g} of " if stage.factor != 1 else ""
@@ -98,7 +98,7 @@ def _stages(system: System) -> Table:
 
 
 def _variants(system: System) -> Table:
-    """The first one is what an experiment gets that names none."""
+    """Returns the table of variants; an experiment that names none gets the first one."""
     table = Table("variant", "title", "other than the defaults", box=None)
     for name, variant in system.variants.items():
         own = ", ".join(f"{key}={value}" for key, value in variant.params.items())
@@ -128,7 +128,7 @@ def _range(parameter: Parameter) -> str:
 
 
 def list_devices(as_json: JsonOption = False) -> None:
-    """Every device."""
+    """List every device."""
     from slambed.spec.library import Library
 
     library = Library()
@@ -160,7 +160,7 @@ def show_device(
     name: Annotated[str, typer.Argument(help="Name in catalog/devices/.")],
     as_json: JsonOption = False,
 ) -> None:
-    """Limits of a device, and what each stage costs on it."""
+    """Show the limits of a device, and what each stage costs on it."""
     from slambed.spec.library import Library
 
     device = Library().device(name)
@@ -186,7 +186,7 @@ def show_device(
 
 
 def list_experiments(as_json: JsonOption = False) -> None:
-    """Every experiment, with what it reproduces."""
+    """List every experiment, with the published numbers that it reproduces."""
     from slambed.spec.library import Library
 
     library = Library()
@@ -205,7 +205,7 @@ def show_experiment(
     name: Annotated[str, typer.Argument(help="Name in experiments/, or path of a YAML file.")],
     as_json: JsonOption = False,
 ) -> None:
-    """What an experiment compares, on what, how often; a grid is written out."""
+    """Show what an experiment compares, on which datasets, and how often; a grid is written out."""
     from slambed.spec.library import Library
 
     experiment, source = Library().experiment(name)
@@ -242,7 +242,7 @@ def _profile(reported: object) -> str:
 
 
 def _set(model: BaseModel) -> str:
-    """`key value, key value` of what is set."""
+    """Returns the fields that are set, as `key value, key value`."""
     known = model.model_dump(mode="json", exclude_none=True)
     return ", ".join(f"{key} {value}" for key, value in known.items()) or "none"
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The `slambed` command. Errors are one line; exit codes are in docs/formats.md."""
+"""The `slambed` command. Errors are one line; exit codes are in docs/reference/exit-codes.md."""
 
 import errno
 import os
@@ -10,6 +10,7 @@ from importlib import import_module
 from typing import Annotated
 
 import typer
+from typer.core import TyperGroup
 
 from slambed import __version__
 from slambed.caller import give_written_to_caller
@@ -57,9 +58,9 @@ COMMANDS = {
     "papers": "papers:app",
     "schema": "schema:schema",
 }
-"""Name -> module of slambed.commands and what it is there: a function, or an app with commands of
-its own. Help lists them in this order, apps last. A module loads what it needs in its functions:
-help and every mistyped name load all of them."""
+"""Maps a command to its module in slambed.commands and the function or app there. Help lists
+commands in this order, apps last. These modules import heavy packages only inside functions,
+because help and every mistyped name load all of them."""
 WITHOUT_COMMAND = ("--version", "--install-completion", "--show-completion")
 
 
@@ -77,7 +78,7 @@ def common(
 
 @cache
 def _add(name: str) -> None:
-    """Once: tests call several commands in one process."""
+    """Adds a command once, because tests call several commands in one process."""
     module, _, attribute = COMMANDS[name].partition(":")
     found = getattr(import_module(f"slambed.commands.{module}"), attribute)
     if isinstance(found, typer.Typer):
@@ -86,9 +87,17 @@ def _add(name: str) -> None:
         app.command(name)(found)
 
 
+def every_command() -> TyperGroup:
+    """All of them, loaded."""
+    for name in COMMANDS:
+        _add(name)
+    group = typer.main.get_command(app)
+    assert isinstance(group, TyperGroup)
+    return group
+
+
 def _add_commands(asked: str) -> None:
-    """Loads the module of the command that is asked for; of all where help is, or what there is
-    not."""
+    """Loads the module of the given command, or all modules for help and for an unknown command."""
     line = completion.asked(os.environ)
     if line is not None:
         asked = renewed(line.words[:1])[0][0] if line.words else ""
@@ -101,17 +110,16 @@ def _add_commands(asked: str) -> None:
 
 
 def main() -> None:
-    """Entry point: every failure becomes one line and a documented exit code."""
+    """Runs the command; every failure becomes one line and a documented exit code."""
     open_closed()
     if signal.getsignal(signal.SIGHUP) == signal.SIG_DFL:
-        # A lost connection ends a command as Ctrl-C does; under nohup neither ends it.
+        # A lost connection ends a command as Ctrl-C does; under nohup it does not.
         signal.signal(signal.SIGHUP, signal.default_int_handler)
     settle_font_caches()
     sys.exit(run_command(sys.argv[1:]))
 
 
 def run_command(arguments: list[str]) -> int:
-    """The exit code of a command line."""
     try:
         arguments, note = renewed(arguments)
         if note:
@@ -122,9 +130,9 @@ def run_command(arguments: list[str]) -> int:
     except (Exception, KeyboardInterrupt) as error:
         if replace_gone():
             if isinstance(error, BrokenPipeError):
-                return ExitCode.OK  # who read our output (`| head`) has enough
+                return ExitCode.OK  # the reader of the pipe (`| head`) closed it
             if isinstance(error, OSError) and error.errno == errno.EIO:
-                return INTERRUPTED  # the terminal went while something was printed
+                return INTERRUPTED  # the terminal closed during output
         line, code = line_and_code(error)
         typer.echo(f"error: {' '.join(line.split())}", err=True)
         return code

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""`slambed masks`: networks, and what they find in sequences."""
+"""`slambed masks`: segmentation networks, and their masks of sequences."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ NMax = Annotated[float, typer.Option("--n-m", min=0, max=1, help="overlap at whi
 
 
 def list_networks(as_json: JsonOption = False) -> None:
-    """All networks."""
+    """List all networks."""
     from slambed.segment.network import load_network, network_names
 
     if as_json:
@@ -52,7 +52,7 @@ def prepare_masks(
     quality: Quality = QUALITY,
     n_m: NMax = N_M,
 ) -> None:
-    """Segment every picture of a sequence once."""
+    """Segment every image of a sequence once and cache the masks."""
     _, masks, path = _masks(dataset, network, quality, n_m)
     typer.echo(f"{path}: {len(masks)} pictures, made for '{masks.key}'")
 
@@ -65,10 +65,10 @@ def show(
     n_m: NMax = N_M,
     frames: Annotated[int, typer.Option(min=1, max=200, help="pictures on the sheet")] = 16,
     output: Annotated[
-        Path | None, typer.Option(help="PNG to write; default: in the cache, and said")
+        Path | None, typer.Option(help="PNG to write; default: in the cache, its path is printed")
     ] = None,
 ) -> None:
-    """Write a contact sheet of masks."""
+    """Write a contact sheet of a sequence's masks."""
     from slambed.segment.sheet import write_mask_sheet
 
     sequence, masks, _ = _masks(dataset, network, quality, n_m)
@@ -84,7 +84,7 @@ def score(
     quality: Quality = QUALITY,
     n_m: NMax = N_M,
 ) -> None:
-    """Compare masks with the truth of a generated sequence; without one, report the marked
+    """Compare masks with the ground truth of a generated sequence; without it, report the masked
     share."""
     import numpy as np
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Names that commands had before: they work for this release and say the new one."""
+"""Former names of commands, which still work in this release and print the new name."""
 
 OLDER = {
     "plots": ["report"],
@@ -13,7 +13,7 @@ OLDER = {
 
 
 def renewed(arguments: list[str]) -> tuple[list[str], str]:
-    """The command line with today's name of its command, and a note about it where that is new."""
+    """Returns the command line with today's command, and a note if the name is a former one."""
     if not arguments or arguments[0] not in OLDER:
         return arguments, ""
     now = OLDER[arguments[0]]

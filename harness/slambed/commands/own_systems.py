@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""`slambed check-system` and `slambed new`: systems, datasets and experiments of one's own."""
+"""`slambed check-system` and `slambed new`: the user's own systems, datasets and experiments."""
 
 from pathlib import Path
 from typing import Annotated
@@ -14,7 +14,7 @@ from slambed.terminal import console
 def check_system(
     system: Annotated[str, typer.Argument(help="Name of a system, or path of its system.yaml.")],
 ) -> None:
-    """Play twenty frames to a system of your own and say what of the contract holds."""
+    """Play twenty frames to your own system and show which parts of the contract it fulfills."""
     from slambed.campaign.check_system import check_system as checked
     from slambed.spec import library
 
@@ -28,10 +28,10 @@ def check_system(
 
 def new(
     kind: Annotated[str, typer.Argument(help="system, dataset or experiment.")],
-    name: Annotated[str, typer.Argument(help="What it shall be called.")],
+    name: Annotated[str, typer.Argument(help="Name of the new folder or file.")],
     folder: Annotated[Path, typer.Option(help="Where to write it.")] = Path(),
 ) -> None:
-    """Write a skeleton that works, to be changed: a system, a dataset or an experiment."""
+    """Write a working skeleton of a system, a dataset or an experiment for you to change."""
     from slambed.campaign.skeletons import write_skeleton
 
     for line in write_skeleton(kind, name, folder):

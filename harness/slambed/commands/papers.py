@@ -29,7 +29,7 @@ def compare(
     out: Annotated[Path | None, typer.Option(help="Where pages go: <results>/papers.")] = None,
     every: Annotated[bool, typer.Option("--all", help="List every number here too.")] = False,
 ) -> None:
-    """Put every published number beside ours, and write one page per paper."""
+    """Compare every published number with ours, and write one page per paper."""
     write_pages(names or None, results, out or results / PAGES, every)
 
 
@@ -74,7 +74,8 @@ def lint(
     ] = None,
     as_json: JsonOption = False,
 ) -> None:
-    """Check that every published number is mapped, or says why not, and that all names exist."""
+    """Check that every published number is mapped or has a reason why not, and that all names
+    exist."""
     from slambed.papers.lint.checkout import Checkout
     from slambed.papers.lint.lint import lint as look
     from slambed.papers.published.cells import cells_of, table_cells
@@ -101,7 +102,7 @@ def lint(
 
 @app.command()
 def plan(name: Annotated[str, typer.Argument(help="Name in papers/.")]) -> None:
-    """Show what a campaign about a paper will decide, as written before it is run."""
+    """Show what a paper's campaign will decide, as registered before its runs."""
     from slambed.papers.published.paper_plan import read_plan
     from slambed.papers.published.reading import read_papers
 
@@ -133,7 +134,7 @@ def plan(name: Annotated[str, typer.Argument(help="Name in papers/.")]) -> None:
 
 @app.command("list")
 def list_(as_json: JsonOption = False) -> None:
-    """List the papers that results are put beside."""
+    """List the papers that results are compared with."""
     from slambed.papers.compare import plain_list
     from slambed.papers.published.reading import read_papers
 
@@ -152,7 +153,7 @@ def list_(as_json: JsonOption = False) -> None:
 
 @app.command()
 def rates() -> None:
-    """Show how often the rules of verdicts err, as in docs/metrics.md."""
+    """Show the error rates of the verdict rules, as in docs/explanation/verdicts.md."""
     from slambed.papers.verdicts.rates import rates_markdown
 
     typer.echo(rates_markdown())
@@ -166,7 +167,7 @@ def power(
     ] = Path("results"),
     jobs: Annotated[int, typer.Option("--jobs", min=1, help="Virtual runs side by side.")] = 2,
 ) -> None:
-    """Show before a campaign what it can decide about a paper, and what it costs."""
+    """Show what a paper's campaign can decide, and what it costs, before it runs."""
     from slambed.papers.paper_runs import sizes_of
     from slambed.papers.power import costs, number_powers, ordering_powers
     from slambed.papers.published.paper_plan import read_plan
@@ -187,7 +188,7 @@ def power(
 
 
 def write_pages(names: list[str] | None, results: Path, out: Path, every: bool) -> None:
-    """One page per paper, and one over all; on the terminal the same in a few lines."""
+    """Writes one page per paper and an overview, and prints a summary of each."""
     from slambed.commands.results_folders import result_folders
     from slambed.files.outputs import make_folder
     from slambed.papers.compare import comparison_table

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""`slambed profiles`: every profile, and what one means."""
+"""`slambed profiles`: lists and plots link profiles."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ def _params(values: list[str]) -> dict[str, float]:
 
 
 def load_changed(name: str, values: list[str]) -> Profile:
-    """The profile of this name or file, with other parameters (`name=number`)."""
+    """Returns the profile of this name or file, with changed parameters (`name=number`)."""
     from slambed.link.profile import load_profile, parse_profile
 
     if not values:
@@ -54,7 +54,7 @@ SetOption = Annotated[list[str] | None, typer.Option("--set", help="Parameter: n
 
 
 def list_profiles(as_json: JsonOption = False) -> None:
-    """Every profile that has a file."""
+    """List every profile that has a file."""
     from slambed.link.profile import load_profile, profile_names
 
     if as_json:
@@ -81,7 +81,7 @@ def show(
     name: Annotated[str, typer.Argument(help="Name in netem_profiles/, or path of a YAML file.")],
     values: SetOption = None,
     output: Annotated[
-        Path | None, typer.Option(help="PNG to write; default: in the cache, and said.")
+        Path | None, typer.Option(help="PNG to write; default: in the cache, its path is printed.")
     ] = None,
     until_s: Annotated[float | None, typer.Option(help="Seconds to show.")] = None,
     as_json: JsonOption = False,
@@ -124,7 +124,7 @@ def _entry(name: str) -> dict[str, object]:
 
 
 def _facts(profile: Profile) -> dict[str, object]:
-    """For a script: what the file says, and what follows from it."""
+    """Returns the profile's content and derived values, for scripts."""
     return {
         "name": profile.name, "description": profile.description, "source": profile.source,
         "duration_s": profile.duration, "rtt_range_ms": _range(profile),
@@ -134,7 +134,8 @@ def _facts(profile: Profile) -> dict[str, object]:
 
 
 def _heading(profile: Profile, params: dict[str, float]) -> list[str]:
-    """Name and words of the file, which are about its own numbers and not about `params`."""
+    """Returns name and description of the file; these refer to its own numbers and not to
+    `params`."""
     source = f"source: {profile.source}" if profile.source else ""
     if not params:
         lines = [f"{profile.name}: {profile.description}", source]
@@ -158,7 +159,7 @@ def _range(profile: Profile) -> tuple[float, float]:
 
 
 def facts(profile: Profile, end_s: float) -> list[str]:
-    """What a table of samples does not show."""
+    """Returns what a table of samples does not show: range, impairments and gaps."""
     import numpy as np
 
     t = np.arange(0.0, end_s, 0.01)

@@ -30,7 +30,7 @@ def report(
         bool, typer.Option("--again", help="Compute every number again from the stored events.")
     ] = False,
     losses: Annotated[
-        bool, typer.Option("--losses", help="Only say why track was lost; write no report.")
+        bool, typer.Option("--losses", help="Only show why track was lost; write no report.")
     ] = False,
     output: Annotated[
         Path | None,
@@ -45,12 +45,13 @@ def report(
         bool, typer.Option("--json", help="--losses: one JSON document instead, for a script.")
     ] = False,
 ) -> None:
-    """Write tables, figures and the page of an experiment again from its runs.
+    """Rewrite tables, figures and the page of an experiment from its runs.
 
-    With --again the numbers too: after a change of a metric, or of a dataset's ground truth.
-    --losses sorts them by cause. relocalization failed: found again less than a second before;
-    standstill: frames are missing right before it; gap behind an update: an update took newer
-    keyframes away at most half a second before; view change: none of these.
+    --again also recomputes the numbers, for example after a change of a metric or of a ground
+    truth. --losses sorts track losses by cause. relocalization failed: tracking had resumed less
+    than a second before; standstill: frames are missing right before the loss; gap behind an
+    update: a map update removed newer keyframes at most half a second before; view change: none of
+    these.
     """
     if output is not None and again:
         raise SlambedError("--again writes into the runs; leave out --output")
@@ -76,7 +77,8 @@ def report(
 def _report(
     folder: Path, place: Path, figures: bool, every: bool, again: bool, quiet: bool
 ) -> None:
-    """One experiment's, into `place`; `quiet`: only where its page is."""
+    """Writes the report of one experiment into `place`; with `quiet` it prints only the page's
+    path."""
     from slambed.papers.experiment_tables import comparisons_for
     from slambed.report.experiment import ReportSummary, terminal_summary, write_report
     from slambed.report.load import load
@@ -133,7 +135,7 @@ def diff_command(
 
     slambed diff FOLDER --a system=edgeslam --b system=orbslam2
 
-    Cells are matched by what the sides are not chosen to differ in. Ends with 1 where a change was
+    Cells are matched by everything that --a and --b do not select. Exits with 1 when a change was
     shown.
     """
     from slambed.regression.diff import diff, diff_json, diff_table, write_diff
@@ -209,9 +211,10 @@ def gate(
         str, typer.Option("--link-to", help="Address of a commit on that page, up to its hash.")
     ] = "",
 ) -> None:
-    """Fail when tonight is significantly and relevantly worse, or when nothing was measured.
+    """Exit with 1 when tonight's runs are significantly and relevantly worse, or when nothing was
+    measured.
 
-    --publish FOLDER also draws every metric over the commits of --history, with the changes marked.
+    --publish FOLDER also plots every metric over the commits of --history and marks the changes.
     """
     from slambed.campaign.manifest import git_state
     from slambed.regression.gate import append_history, judge, read_runs
@@ -258,11 +261,15 @@ def evaluate(
     estimate: Annotated[Path, typer.Argument(help="Trajectory in TUM format.")],
     truth: Annotated[Path, typer.Argument(help="Ground truth in TUM format.")],
     association: Annotated[str, typer.Option(help="nearest (as evo) or tum.")] = "nearest",
-    max_difference_s: Annotated[float, typer.Option(help="Of two time stamps.")] = 0.02,
-    with_scale: Annotated[bool, typer.Option("--with-scale", help="Sim(3); is marked.")] = False,
-    delta_s: Annotated[float, typer.Option(help="RPE: between the poses of a pair.")] = 1.0,
+    max_difference_s: Annotated[
+        float, typer.Option(help="Largest difference of two associated time stamps.")
+    ] = 0.02,
+    with_scale: Annotated[
+        bool, typer.Option("--with-scale", help="Align with scale, Sim(3); the output names it.")
+    ] = False,
+    delta_s: Annotated[float, typer.Option(help="RPE: seconds between the poses of a pair.")] = 1.0,
 ) -> None:
-    """ATE and RPE of two trajectory files."""
+    """Compute ATE and RPE of a trajectory file against ground truth."""
     from slambed.data.trajectory import read_tum
     from slambed.metrics.accuracy import absolute_error, relative_error
 

@@ -16,7 +16,8 @@ from slambed.terminal import console, print_json
 
 
 def show_losses(folder: Path, experiment: str, output: Path | None, as_json: bool) -> None:
-    """The first loss of each run by its cause, all of them, and a file with one a row."""
+    """Prints the causes of each run's first loss and of all losses; writes a file with one loss per
+    row."""
     if output is not None:
         check_format(output)
     found = load(folder)

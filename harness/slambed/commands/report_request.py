@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What an experiment asks of its report by name, checked before anything runs."""
+"""Checks the names in an experiment's report section before anything runs."""
 
 from collections.abc import Iterable
 
@@ -13,15 +13,15 @@ FIGURES = (
     "losses", "trajectory", "rtt", "cpu", "memory", "stages", "losses_by_profile", "tradeoff",
     "changes", "sweep",
 )  # fmt: skip
-"""Kinds of figures beside those of a metric."""
+"""Figures that do not belong to a single metric."""
 
 
 def check_figure_names(experiment: Experiment, source: YamlSource) -> None:
-    """Raises SlambedError for a metric, a plot or a published number that nobody knows."""
+    """Raises SlambedError for an unknown metric, plot or published number."""
     report = experiment.report
     own = own_of(choice.system for choice in experiment.systems).values()
     numbers = [item.key for item in (*METRICS, *own) if item.is_number]
-    # Faults are words, shown wherever there were any: asking for them is no mistake.
+    # `faults` is text rather than a number, but tables show it, so a report may name it.
     _known("metric", report.metrics, [*numbers, "faults"], source, ("report", "metrics"))
     _known("plot", report.plots, [*FIGURES, *numbers], source, ("report", "plots"))
     if experiment.reproduces:

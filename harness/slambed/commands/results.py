@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""`slambed results`: what the runs take, freeing those that no plan names, and packing them."""
+"""`slambed results`: shows the size of runs, removes those in no plan, and packs them."""
 
 from dataclasses import asdict
 from pathlib import Path
@@ -15,7 +15,7 @@ app = typer.Typer(help="What is kept of runs, and what it takes.", no_args_is_he
 
 @app.command()
 def size(results: ResultsOption = RESULTS, as_json: JsonOption = False) -> None:
-    """Say what the runs of each experiment take, and those that no plan names."""
+    """Show how much space the runs of each experiment take, and those in no plan."""
     from slambed.campaign.size import plans, size_of, unnamed
     from slambed.campaign.store import RunStore
 
@@ -36,7 +36,7 @@ def prune(
     results: ResultsOption = RESULTS,
     yes: Annotated[bool, typer.Option("--yes", help="Really remove them.")] = False,
 ) -> None:
-    """Remove the runs that no plan names: of older sources, of parameters that were changed."""
+    """Remove runs that are in no plan, for example of older sources or changed parameters."""
     from slambed.campaign.folder import ResultFolder
     from slambed.campaign.size import plans, size_of, unnamed
     from slambed.campaign.store import RunStore
@@ -63,7 +63,7 @@ def pack_command(
     ] = False,
     results: ResultsOption = RESULTS,
 ) -> None:
-    """Write the valid runs of experiments into one small file: numbers and circumstances."""
+    """Write the valid runs of experiments into one small file: results and conditions."""
     from slambed.campaign.pack import pack
 
     runs, size = pack(results, names, output, whole)
@@ -75,7 +75,7 @@ def unpack_command(
     file: Annotated[Path, typer.Argument(help="What `slambed results pack` wrote.")],
     results: ResultsOption = RESULTS,
 ) -> None:
-    """Put the runs of such a file into a results folder; `run` and `report` go on from it."""
+    """Unpack the runs of a packed file into a results folder; `run` and `report` can use them."""
     from slambed.campaign.pack import unpack
 
     found, new = unpack(file, results)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Folders of results that somebody named."""
+"""Finds the results folders that the user names."""
 
 from pathlib import Path
 
@@ -7,7 +7,7 @@ from slambed.errors import SlambedError
 
 
 def experiment_folder(results: Path, experiment: str) -> Path:
-    """`results/<name>` for a name, a YAML file or the folder itself."""
+    """Returns `results/<name>` for a name or a YAML file, or the given folder itself."""
     given = Path(experiment)
     if (given / "runs").is_dir():
         return given
@@ -18,5 +18,5 @@ def experiment_folder(results: Path, experiment: str) -> Path:
 
 
 def result_folders(results: Path) -> list[Path]:
-    """Those of all experiments, by name."""
+    """Returns the folders of all experiments, sorted by name."""
     return sorted(path.parent for path in results.glob("*/runs") if path.is_dir())

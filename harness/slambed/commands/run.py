@@ -74,12 +74,12 @@ def run(
         bool, typer.Option("--keep-going", help="Go on however many runs have to be given up.")
     ] = False,
     dry_run: Annotated[
-        bool, typer.Option("--dry-run", help="Say what would be executed, and how long it takes.")
+        bool, typer.Option("--dry-run", help="Show what would be executed, and how long it takes.")
     ] = False,
 ) -> None:
-    """Run what is missing of an experiment, then show and write its report.
+    """Execute the missing runs of an experiment, then show and write its report.
 
-    Runs that are there and valid are kept: call it again after an interrupt and it goes on.
+    Valid runs are kept: after an interrupt, the same command continues.
     """
     from slambed.campaign import plan
     from slambed.campaign.check_engine import engine_here

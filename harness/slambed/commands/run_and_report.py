@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A campaign with its report: what `slambed run` and `slambed papers run` do."""
+"""A campaign and its report, as `slambed run` and `slambed papers run` execute them."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -23,7 +23,7 @@ from slambed.report.style import ON_PAGES
 def run_and_report(
     name: str, options: Options, console: Console, figures: bool = True
 ) -> CampaignOutcome:
-    """Executes what is missing of an experiment, then shows and writes its report."""
+    """Executes the missing runs of an experiment, then shows and writes its report."""
     options = replace(options, plans=plans_of_today())
     verdict = run_experiment(name, options, console, check_figure_names)
     if verdict.folder is not None and any((verdict.folder / "runs").iterdir()):
@@ -32,7 +32,7 @@ def run_and_report(
 
 
 def raise_unless_good(verdicts: list[CampaignOutcome], what: str) -> None:
-    """Raises SlambedError (exit code 1) where a campaign did not end as one would wish."""
+    """Raises SlambedError (exit code 1) if a run failed, is invalid or did not complete."""
     given_up = [line for verdict in verdicts for line in verdict.given_up.values()]
     done = sum(verdict.done for verdict in verdicts)
     invalid = done - sum(verdict.valid for verdict in verdicts)
@@ -49,8 +49,8 @@ def raise_unless_good(verdicts: list[CampaignOutcome], what: str) -> None:
 
 
 def show_report(folder: Path, console: Console, anew: bool = True, figures: bool = True) -> None:
-    """Shows the tables of a result folder and writes its report, unless one of these runs is there
-    already."""
+    """Shows the tables of a results folder, and writes its report unless the current one is up to
+    date."""
     results = load(folder)
     if results.refused and (again := recompute_refused(folder)) is not None:
         anew = True

@@ -18,7 +18,7 @@ def schema(
         Path | None, typer.Option(help="Write all of them there, as KIND.json.")
     ] = None,
 ) -> None:
-    """Print the JSON schema of a kind of YAML file, for editors; without a kind list them."""
+    """Print the JSON schema of a kind of YAML file, for editors; without a kind, list the kinds."""
     from slambed.schema.kinds import KINDS, schema_text
 
     if kind is not None and folder is not None:

@@ -19,10 +19,10 @@ def serve(
         "results"
     ),
 ) -> None:
-    """Show results as pages in the browser: experiments, and runs with path and pictures.
+    """Show results in the browser: experiments, and runs with their paths and images.
 
-    For this machine alone, and only to be looked at: nothing is changed or executed. Pages follow
-    campaigns that run. Ctrl-C ends it.
+    The pages are read-only and reachable from this machine only. They follow running campaigns.
+    Press Ctrl-C to stop.
     """
     from slambed.serve.server import open_server
     from slambed.serve.site import Site

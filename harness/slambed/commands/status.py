@@ -24,7 +24,7 @@ def status(
     results: ResultsOption = RESULTS,
     as_json: JsonOption = False,
 ) -> None:
-    """Say which runs are there, which are missing, and why."""
+    """Show which runs are valid, invalid or missing, and why."""
     from slambed.campaign.status import is_of, status_now, status_of, was_run
     from slambed.spec.library import Library
     from slambed.spec.software import host_software, image_software
@@ -53,7 +53,7 @@ def status(
 
 
 def _file_of(experiment: str) -> Path:
-    """Where the file of what was named lies, if it has one."""
+    """Returns the path that the experiment's file would have; it may not exist."""
     given = Path(experiment)
     if given.suffix in YAML:
         return given

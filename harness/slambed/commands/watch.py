@@ -34,11 +34,11 @@ def watch(
         bool, typer.Option("--json", help="The same as JSON; only with --once.")
     ] = False,
 ) -> None:
-    """Watch campaigns that run: the runs in hand, and the queue.
+    """Watch running campaigns: the current runs, and the queue.
 
-    Frames, tracking state, RTT and CPU of the run in hand, from the files that it writes; runs
-    done, failed and left with the time that they take. It only reads, and ends with the campaign or
-    by Ctrl-C.
+    Shows frames, tracking state, RTT and CPU of the current run from the files that it writes. The
+    queue lists runs done, failed and left, with the time left. It only reads, and ends with the
+    campaign or with Ctrl-C.
     """
     from slambed.campaign.watch import CampaignWatch, running
     from slambed.commands.watch_view import view
@@ -86,7 +86,7 @@ def _alive(watches: list[CampaignWatch]) -> list[Watched]:
 
 
 def _follow(watches: list[CampaignWatch], screen: Console) -> None:
-    """Until all of them have ended."""
+    """Shows campaigns until all of them have ended."""
     from slambed.commands.watch_view import end_line, view
 
     try:
@@ -104,7 +104,7 @@ def _follow(watches: list[CampaignWatch], screen: Console) -> None:
 
 
 def _print_changes(watches: list[CampaignWatch]) -> None:
-    """A line per change of a queue, for logs."""
+    """Prints a line for each change of a queue, for logs."""
     from slambed.commands.watch_view import queue_line
 
     reported: dict[str, tuple[int, int]] = {}

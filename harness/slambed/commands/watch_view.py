@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What `slambed watch` shows on a terminal."""
+"""The terminal view of `slambed watch`."""
 
 from rich.console import Group, RenderableType
 from rich.progress_bar import ProgressBar
@@ -15,24 +15,24 @@ from slambed.spec.device import VIRTUAL
 BAR_WIDTH = 40
 STATE_STYLES = {"ok": "green", "lost": "red", "not_initialized": "dim"}
 AT_THE_END = "its events come at its end"
-"""Of virtual runs: a simulation writes them when it is done."""
+"""Shown for virtual runs, because a simulation writes its events when it is done."""
 
 
 def view(campaigns: list[Watched]) -> RenderableType:
-    """All campaigns, one below the other."""
+    """Returns all campaigns, one below the other."""
     return Group(*(part for watched in campaigns for part in _campaign(watched)))
 
 
 def _campaign(watched: Watched) -> list[RenderableType]:
     state = watched.state
     engine = f", engine {watched.engine}" if watched.engine else ""
-    # Titles are long: on a narrow terminal they are folded like any text.
+    # Long titles wrap like text on a narrow terminal.
     parts: list[RenderableType] = [
         Text.assemble((state.experiment, "bold"), f"{engine}: {watched.title}"),
         Text(queue_line(state)),
     ]
     if state.asked:
-        bar = Table.grid()  # which ends its line, as a bar alone does not
+        bar = Table.grid()  # a bar alone does not end its line
         bar.add_row(ProgressBar(state.asked, state.done + state.failed, width=BAR_WIDTH))
         parts.append(bar)
     parts += [_run(playing, watched.engine) for playing in watched.playing]
@@ -40,7 +40,7 @@ def _campaign(watched: Watched) -> list[RenderableType]:
 
 
 def queue_line(state: CampaignState) -> str:
-    """How far the queue is, in a line."""
+    """Returns the progress of the queue in one line."""
     parts = [f"{state.done} of {state.asked} runs done"]
     if state.invalid:
         parts.append(f"{state.invalid} of them invalid")
@@ -62,7 +62,7 @@ def queue_line(state: CampaignState) -> str:
 
 
 def end_line(state: CampaignState) -> str:
-    """What became of a campaign that does not run any more."""
+    """Returns how a campaign ended, in one line."""
     how = "interrupted" if state.interrupted else "ended" if state.ended else "broken off (killed)"
     return f"{state.experiment}: {how}; {queue_line(state)}"
 
@@ -95,14 +95,14 @@ def _run_time(playing: Playing) -> str:
 
 
 def frames_line(playing: Playing) -> str:
-    """Frames played, tracked, lost."""
+    """Returns the counts of frames played and tracked, and of track losses."""
     of = f" of {playing.frames_offered}" if playing.frames_offered else ""
     losses = f", {playing.track_losses} track losses" if playing.track_losses else ""
     return f"{playing.frames_played}{of} played, {playing.frames_tracked} tracked{losses}"
 
 
 def use_line(use: NodeUse, now_s: float | None) -> str:
-    """CPU and memory of a node, and how old that is."""
+    """Returns CPU and memory of a node, with the age of an old sample."""
     memory = "" if use.memory_mb is None else f", {use.memory_mb:.0f} MB"
     age_s = 0.0 if now_s is None else now_s - use.t_s
     old = f" ({age_s:.0f} s ago)" if age_s >= 1.0 else ""

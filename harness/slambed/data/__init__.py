@@ -1,2 +1,2 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Sequences, recorded and generated: catalog, readers, and the prepared form for playback."""
+"""Recorded and generated sequences: catalog, readers, and the prepared form for playback."""

@@ -1,11 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Which time stamps of two belong together: the nearest one, or the TUM script's rule."""
+"""Matches timestamps of two sources: nearest neighbor, or the rule of TUM's script."""
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 MAX_DIFFERENCE_S = 0.02
-"""The TUM benchmark's own default, for pictures and for poses."""
+"""Default of the TUM benchmark, for both images and poses."""
 
 Indices = NDArray[np.intp]
 
@@ -13,9 +13,9 @@ Indices = NDArray[np.intp]
 def match_nearest(
     queries_s: NDArray[np.float64], stamps_s: NDArray[np.float64], max_difference_s: float
 ) -> tuple[Indices, Indices]:
-    """For each query the nearest of the sorted stamps, when not farther than the maximum.
+    """Returns for each query the nearest of the sorted timestamps, within the maximum difference.
 
-    One stamp may serve several queries. The earlier stamp wins a tie.
+    A timestamp may match several queries. The earlier timestamp wins a tie.
     """
     if len(queries_s) == 0 or len(stamps_s) == 0:
         return np.zeros(0, np.intp), np.zeros(0, np.intp)
@@ -29,7 +29,7 @@ def match_nearest(
 
 
 def nearest_distance_s(queries_s: NDArray[np.float64], stamps_s: NDArray[np.float64]) -> float:
-    """How near any of the queries comes to any of the sorted stamps."""
+    """Returns the smallest distance between any query and any of the sorted timestamps."""
     near, found = match_nearest(queries_s, stamps_s, np.inf)
     return float(np.abs(queries_s[near] - stamps_s[found]).min(initial=np.inf))
 
@@ -37,10 +37,10 @@ def nearest_distance_s(queries_s: NDArray[np.float64], stamps_s: NDArray[np.floa
 def match_tum(
     first: ArrayLike, second: ArrayLike, max_difference: float
 ) -> tuple[Indices, Indices]:
-    """One-to-one pairs less than the maximum apart, the closest first (the rule of the TUM
-    benchmark's associate script), in the order of `first`.
+    """Returns one-to-one pairs with less than the maximum difference, closest pairs first (the rule
+    of the TUM benchmark's associate script), sorted by `first`.
 
-    Sorted stamps in one unit, that of the maximum: seconds, or whole nanoseconds.
+    Both inputs are sorted and in the unit of the maximum: seconds, or integer nanoseconds.
     """
     a, b = np.asarray(first), np.asarray(second)
     low = np.searchsorted(b, a - max_difference, side="left")
@@ -66,7 +66,7 @@ def match_tum(
 def pairs_of_sensors(
     first_ns: list[int], second_ns: list[int], max_difference_s: float = MAX_DIFFERENCE_S
 ) -> list[tuple[int, int]]:
-    """match_tum of the sorted stamps of two sensors: pairs of indices."""
+    """Applies match_tum to the sorted timestamps of two sensors; returns pairs of indices."""
     limit_ns = round(max_difference_s * 1e9)
     i, j = match_tum(np.array(first_ns, np.int64), np.array(second_ns, np.int64), limit_ns)
     return list(zip(i.tolist(), j.tolist(), strict=True))

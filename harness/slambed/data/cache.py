@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Prepared sequences kept for the next time, one folder per content key."""
+"""A cache of prepared sequences, one folder per content key."""
 
 from __future__ import annotations
 
@@ -33,7 +33,8 @@ class SequenceCache:
         progress: Progress | None,
         notify: Notify = lambda line: None,
     ) -> PreparedSequence:
-        """The sequence of this job, from the cache or made now; `notify` hears of waiting."""
+        """Returns the sequence of this job from the cache, or prepares it now; `notify` is
+        called before waiting."""
         path = self.folder / f"{dataset.id}-{job.key()[:_KEY_DIGITS]}"
         if (ready := _open_or_none(path)) is not None:
             return ready
@@ -46,7 +47,7 @@ class SequenceCache:
             return PreparedSequence.open(path)
 
     def find(self, dataset: Dataset) -> Path | None:
-        """A sequence made earlier from the same recipe, newest first; the source may be gone."""
+        """Returns the newest cached sequence of the same recipe, even if its source is gone."""
         found = []
         for folder in self._entries(f"{dataset.id}-"):
             header = folder / SEQUENCE_FILE
@@ -56,7 +57,8 @@ class SequenceCache:
         return max(found)[1] if found else None
 
     def of_checksum(self, checksum: str) -> PreparedSequence | None:
-        """The sequence with this content, whatever it is called; None: it is not here."""
+        """Returns the sequence with this content under any name; None if it is not on this
+        machine."""
         for folder in self._entries(""):
             ready = _open_or_none(folder)
             if ready is not None and ready.checksum == checksum:
@@ -64,8 +66,8 @@ class SequenceCache:
         return None
 
     def _entries(self, prefix: str) -> list[Path]:
-        """What lies here under such a name. Not glob(): it takes a folder that may not be read for
-        an empty one, or ends with an error of its own, as the Python is."""
+        """Lists the entries with this prefix. It avoids glob(), which either treats an
+        unreadable folder as empty or raises its own error, depending on the Python version."""
         try:
             with os.scandir(self.folder) as entries:
                 return sorted(self.folder / e.name for e in entries if e.name.startswith(prefix))
@@ -86,7 +88,7 @@ class SequenceCache:
             yield
 
     def _sweep(self, name: str) -> None:
-        """Removes what a killed preparation of this dataset left; the lock is held."""
+        """Removes leftovers of killed preparations of this dataset; requires the lock."""
         for leftover in self.folder.glob(f".{name}-*.partial-*"):
             shutil.rmtree(leftover, ignore_errors=True)
         for leftover in self.folder.glob(f".{name}-*.old-*"):
@@ -102,7 +104,7 @@ class SequenceCache:
 
 
 def _open_or_none(path: Path) -> PreparedSequence | None:
-    """A damaged entry counts as absent and is made again."""
+    """Returns None for a damaged entry, which is then prepared again."""
     try:
         if not path.is_dir():
             return None

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Camera calibrations as tools write them: ASL (EuRoC), Kalibr, OpenCV and ROS, ORB-SLAM."""
+"""Reads camera calibrations of ASL (EuRoC), Kalibr, OpenCV, ROS and ORB-SLAM."""
 
 from __future__ import annotations
 
@@ -31,13 +31,14 @@ class CalibratedCamera:
     size: tuple[int, int]
     lens: Lens
     pose: Floats | None = None
-    """[4,4] as the file has it: body from camera (ASL), camera from the one before (Kalibr)."""
+    """[4,4] as in the file: T_body_camera (ASL), or the transform from the previous camera
+    (Kalibr)."""
     bf: float | None = None
-    """fx times baseline where the file says it itself."""
+    """fx times baseline, if the file contains it."""
 
 
 def read_asl(file: Path) -> CalibratedCamera:
-    """sensor.yaml of a camera, with its place on the body."""
+    """Reads the sensor.yaml of a camera, including its pose on the body."""
     kind, data = _load(file)
     if kind != "an ASL sensor.yaml":
         raise SlambedError(
@@ -48,7 +49,7 @@ def read_asl(file: Path) -> CalibratedCamera:
 
 
 def read_cameras(file: Path) -> tuple[str, list[CalibratedCamera]]:
-    """What kind of file it is, and its cameras."""
+    """Returns the kind of the file and its cameras."""
     kind, data = _load(file)
     readers = {
         "an ASL sensor.yaml": _asl,
@@ -197,6 +198,6 @@ def _first(data: Mapping[str, Any], names: Sequence[str]) -> Any:
 
 
 def _numbers(value: Any) -> list[float]:
-    """A matrix of OpenCV ({rows, cols, data}), or a list of numbers or rows."""
+    """Parses an OpenCV matrix ({rows, cols, data}), or a list of numbers or rows."""
     inner = value["data"] if isinstance(value, dict) else value
     return [float(number) for number in np.array(inner, dtype=np.float64).ravel()]

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Where the camera was at every frame by ground truth, and where points go in the picture."""
+"""Ground-truth poses of the camera at every frame, and the motion of points between images."""
 
 from __future__ import annotations
 
@@ -17,18 +17,18 @@ from slambed.errors import SlambedError
 Floats = NDArray[np.float64]
 
 LONGEST_GAP_S = 0.25
-"""Between two true poses that are interpolated over."""
+"""Maximum time between two true poses for interpolation."""
 
 
 @dataclass(frozen=True)
 class CameraMotion:
-    """True poses T_wc of frames, interpolated; [N,4,4], NaN where ground truth reports nothing."""
+    """Interpolated ground-truth poses T_wc [N,4,4] of all frames; NaN where unknown."""
 
     poses: Floats
 
     @classmethod
     def of(cls, sequence: PreparedSequence) -> CameraMotion:
-        """Raises SlambedError where the sequence has no ground truth."""
+        """Interpolates the ground truth of a sequence. Raises SlambedError if it has none."""
         truth = sequence.groundtruth()
         if truth is None or len(truth) < 2:
             raise SlambedError(
@@ -50,11 +50,12 @@ class CameraMotion:
         return cls(poses)
 
     def knows(self, frame: int) -> bool:
-        """Whether the frame has a true pose."""
+        """Returns whether the frame has a true pose."""
         return bool(np.isfinite(self.poses[frame, 0, 0]))
 
     def between(self, first: int, second: int) -> Floats:
-        """T_second_first: takes points of the first camera into the second one's frame."""
+        """Returns T_second_first, which transforms points from the first to the second camera's
+        frame."""
         relative: Floats = np.linalg.inv(self.poses[second]) @ self.poses[first]
         return relative
 
@@ -64,7 +65,7 @@ def camera_matrix(camera: Camera) -> Floats:
 
 
 def rays_of(camera: Camera, pixels: Floats) -> Floats:
-    """Directions with z = 1, lens distortion taken away: [N,3]."""
+    """Returns undistorted viewing rays with z = 1: [N,3]."""
     if not len(pixels):
         return np.empty((0, 3))
     flat = cv2.undistortPoints(
@@ -76,7 +77,8 @@ def rays_of(camera: Camera, pixels: Floats) -> Floats:
 def moved_to(
     camera: Camera, relative: Floats, pixels: Floats, depths_m: Floats
 ) -> tuple[Floats, Floats]:
-    """Where points of one picture are in another: pixels [N,2] and depth there [N] (0: behind)."""
+    """Projects points of one image into another: pixels [N,2] and depths [N] (0: behind the
+    camera)."""
     points = rays_of(camera, pixels) * depths_m[:, None]
     points = points @ relative[:3, :3].T + relative[:3, 3]
     depths = np.where(points[:, 2] > 0, points[:, 2], 0.0)
@@ -93,7 +95,8 @@ def moved_to(
 def epipolar_distance_px(
     camera: Camera, relative: Floats, pixels: Floats, others: Floats
 ) -> Floats:
-    """How far features of the second picture are from the lines of the first one's, undistorted."""
+    """Returns the distances of features in the second image from the epipolar lines of the
+    first, undistorted."""
     t = relative[:3, 3]
     cross = np.array([[0, -t[2], t[1]], [t[2], 0, -t[0]], [-t[1], t[0], 0]])
     lines = rays_of(camera, pixels) @ (cross @ relative[:3, :3]).T

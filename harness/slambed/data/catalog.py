@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The datasets that slambed knows, where their sources lie, and their prepared form."""
+"""The known datasets, the locations of their sources, and their prepared form."""
 
 from __future__ import annotations
 
@@ -23,24 +23,24 @@ YAML = (".yaml", ".yml")
 
 @dataclass(frozen=True)
 class Catalog:
-    """Every dataset file of the checkout and of the folders of one's own, and the folders where
-    sources are looked for."""
+    """All dataset files of the checkout and of the user's folders, and the folders that are
+    searched for sources."""
 
     datasets: dict[str, Dataset]
     search: tuple[Path, ...]
     folder: Path
-    """Of the dataset files: the paths that come with them are found from there."""
+    """Folder of the dataset files; their relative path files are resolved against it."""
     broken: dict[str, SlambedError] = field(default_factory=dict)
-    """File without suffix -> what is wrong with it: whoever asks for another one is not stopped."""
+    """File without suffix -> its error, which does not affect requests for other datasets."""
     files: dict[str, Path] = field(default_factory=dict)
     """Id or alias -> its file."""
     ambiguous: dict[str, SlambedError] = field(default_factory=dict)
-    """Ids of ours that a file of somebody's own has, too: who asks for one may mean either."""
+    """Ids that both the checkout and a user's file define, so that a request is ambiguous."""
 
     @classmethod
     def load(cls, folder: Path | None = None, search: list[Path] | None = None) -> Catalog:
-        """Reads catalog/datasets/*.yaml of the checkout (or of another folder), and those of the
-        folders in $SLAMBED_DATASETS."""
+        """Reads catalog/datasets/*.yaml of the checkout (or of another folder), and the dataset
+        files in the folders of $SLAMBED_DATASETS."""
         folder = folder or repository_root() / "catalog" / "datasets"
         searched = search if search is not None else places.search_path()
         catalog = cls({}, tuple(searched), folder)
@@ -53,7 +53,7 @@ class Catalog:
         return catalog
 
     def _add(self, file: Path) -> Dataset:
-        """One more file. Raises SlambedError where it cannot be read, or its names are taken."""
+        """Adds a file. Raises SlambedError if it is unreadable or its names are taken."""
         dataset = load_recipe(file)
         names = dict.fromkeys((dataset.id, *dataset.aliases), file)
         if taken := names.keys() & self.files.keys():
@@ -72,7 +72,7 @@ class Catalog:
         return file.parent == self.folder
 
     def get(self, name: str) -> Dataset:
-        """The dataset with this id or alias, or of this file."""
+        """Returns the dataset with this id or alias, or of this file."""
         if name.endswith(YAML):
             return self._of_file(Path(name).resolve())
         if (error := self.ambiguous.get(name)) is not None:
@@ -92,7 +92,7 @@ class Catalog:
         )
 
     def _of_file(self, file: Path) -> Dataset:
-        """Known by its names from then on, and so are those beside it that it names."""
+        """Adds a file, and the dataset files next to it that it refers to."""
         for name, known in self.files.items():
             if known.resolve() == file:
                 return self.get(name)
@@ -106,7 +106,7 @@ class Catalog:
         return dataset
 
     def resolve(self, name: str, cache_dir: Path | None = None) -> Dataset:
-        """Like get, but a `first_of` is replaced by its first available choice."""
+        """Like get, but resolves a `first_of` to its first available choice."""
         dataset = self.get(name)
         if not dataset.first_of:
             return dataset
@@ -114,7 +114,7 @@ class Catalog:
         return next((c for c in choices if self.available(c, cache_dir)), choices[-1])
 
     def stands_in_for(self, name: str, cache_dir: Path | None = None) -> Dataset | None:
-        """What a `first_of` would rather be, where that is not here: its first choice."""
+        """Returns the first choice of a `first_of` if it is not available; otherwise None."""
         dataset = self.get(name)
         if not dataset.first_of:
             return None
@@ -122,7 +122,7 @@ class Catalog:
         return None if self.resolve(name, cache_dir).id == wanted.id else wanted
 
     def available(self, dataset: Dataset, cache_dir: Path | None = None) -> bool:
-        """True when prepare would succeed in finding the source."""
+        """Returns whether prepare would find the source."""
         dataset = self.whole(dataset)
         if dataset.synthetic:
             wanted = dataset.synthetic.path_file
@@ -132,7 +132,8 @@ class Catalog:
         return SequenceCache(places.prepared_folder(cache_dir)).find(dataset) is not None
 
     def whole(self, dataset: Dataset) -> Dataset:
-        """The sequence that a window is a part of; any other dataset itself."""
+        """Returns the sequence that a window is part of; any other dataset is returned
+        unchanged."""
         if dataset.window_of is None:
             return dataset
         whole = self.get(dataset.window_of)
@@ -144,11 +145,13 @@ class Catalog:
         return whole
 
     def locate(self, dataset: Dataset) -> Path | None:
-        """The source on the search path, or beside a dataset file of one's own; None: nowhere."""
+        """Returns the source on the search path or next to the user's dataset file; None if it
+        is missing."""
         return next(iter(self._located(dataset)), None)
 
     def _located(self, dataset: Dataset) -> list[Path]:
-        """All that the first pattern with a hit finds in one folder: parts of one recording."""
+        """Returns all matches of the first successful pattern in one folder: the parts of one
+        recording."""
         splits = [split_pattern(pattern) for pattern in dataset.paths]
         named = [(folder, rest) for folder, rest in splits if folder is not None]
         searched = [
@@ -163,7 +166,7 @@ class Catalog:
         return []
 
     def _path_file(self, dataset: Dataset) -> Path | None:
-        """The trajectory file of a generated dataset that follows a recorded path."""
+        """Returns the trajectory file of a generated dataset that follows a recorded path."""
         assert dataset.synthetic is not None
         wanted = dataset.synthetic.path_file
         if wanted is None:
@@ -176,21 +179,23 @@ class Catalog:
         )
 
     def _find_path_file(self, dataset: Dataset, wanted: str) -> Path | None:
-        """Beside the dataset files, so that it is the same on every machine; else as data is."""
+        """Searches next to the dataset files first, so that the path is the same on every
+        machine; then like other data."""
         folders = [self._home(dataset), *self._looked_in(dataset)]
         return next((f / wanted for f in folders if (f / wanted).is_file()), None)
 
     def _home(self, dataset: Dataset) -> Path:
-        """Where its file lies."""
+        """Returns the folder of the dataset's file."""
         return self.files[dataset.id].parent if dataset.id in self.files else self.folder
 
     def _places(self, dataset: Dataset) -> list[Path]:
-        """Where its source may be: a file of one's own may have it beside it."""
+        """Returns the candidate folders of the source; for a user's file this includes its own
+        folder."""
         home = self._home(dataset)
         return [*([] if home == self.folder else [home]), *self.search]
 
     def _looked_in(self, dataset: Dataset) -> list[Path]:
-        """Those of them that are there and ours to read."""
+        """Returns the candidate folders that exist and are readable."""
         return [folder for folder in self._places(dataset) if places.is_open(folder)]
 
     def _folders(self, dataset: Dataset) -> str:
@@ -203,10 +208,10 @@ class Catalog:
         progress: Progress | None = None,
         notify: Notify = lambda line: None,
     ) -> PreparedSequence:
-        """The prepared sequence of a dataset; made now when the cache does not have it.
+        """Returns the prepared sequence of a dataset; prepares it now if it is not in the cache.
 
-        Two processes never prepare the same dataset at once, and `notify` hears of waiting; an
-        interrupt leaves nothing behind.
+        Two processes never prepare the same dataset concurrently; `notify` is called before
+        waiting. An interrupt leaves no partial sequence.
         """
         dataset = self.whole(self.resolve(name, cache_dir))
         cache = SequenceCache(places.prepared_folder(cache_dir))
@@ -223,7 +228,8 @@ class Catalog:
         return cache.get(dataset, SourceJob(dataset, reader), progress, notify)
 
     def prepared(self, name: str, cache_dir: Path | None = None) -> PreparedSequence | None:
-        """What `prepare` would open without making anything; None where it would make it first."""
+        """Returns the sequence that `prepare` would open without creating it; None if it would
+        have to."""
         dataset = self.whole(self.resolve(name, cache_dir))
         source = self.locate(dataset)
         if source is None or not (source / SEQUENCE_FILE).is_file():
@@ -231,7 +237,7 @@ class Catalog:
         return None if source is None else PreparedSequence.open(source)
 
     def must_be_here(self, name: str, cache_dir: Path | None = None) -> None:
-        """Raises what `prepare` would where a dataset is missing, without preparing it."""
+        """Raises the error of `prepare` for a missing dataset, without preparing it."""
         dataset = self.whole(self.resolve(name, cache_dir))
         if self.available(dataset, cache_dir):
             return
@@ -253,14 +259,14 @@ class Catalog:
 
 
 def in_reading_order(path: Path) -> list[tuple[int, str]]:
-    """Parts as a recorder numbers them: `_9` before `_10`."""
+    """Sort key for the numbered parts of a recording: `_9` before `_10`."""
     pieces = re.split(r"(\d+)", str(path))
     return [(int(piece), "") if piece.isdecimal() else (-1, piece) for piece in pieces]
 
 
 def open_source(dataset: Dataset, source: Path, *more: Path) -> SequenceReader:
-    """The reader of a recorded dataset on its source; `more` is what its pattern found beside it:
-    the other parts of a split bag."""
+    """Returns the reader of a recorded dataset; `more` are further matches of its pattern: the
+    other parts of a split bag."""
     assert dataset.reader is not None
     camera = dataset.camera
     options = ReaderOptions(
@@ -283,7 +289,8 @@ def prepare(
     progress: Progress | None = None,
     notify: Notify = lambda line: None,
 ) -> PreparedSequence:
-    """Prepares a dataset of the checkout's catalog; a prepared folder's path is opened as is."""
+    """Prepares a dataset of the checkout's catalog; the path of a prepared folder is opened
+    unchanged."""
     if (Path(dataset_id) / SEQUENCE_FILE).is_file():
         return PreparedSequence.open(dataset_id)
     return Catalog.load().prepare(dataset_id, cache_dir, progress, notify)

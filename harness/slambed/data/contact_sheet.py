@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A picture of a sequence: some frames, gray beside depth (or right image)."""
+"""An overview image of a sequence: some frames, gray next to depth (or the right image)."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ _FARTHEST_SHOWN_M = 6.0
 
 
 def write_contact_sheet(sequence: PreparedSequence, file: Path, frames: int = 12) -> None:
-    """Writes a PNG with evenly spaced frames, three pairs a row, each with its time."""
+    """Writes a PNG of evenly spaced frames, three pairs per row, each labeled with its time."""
     write_sheet(sequence, lambda i: _tile(sequence, i), file, frames, _COLUMNS)
 
 
@@ -27,7 +27,7 @@ def _tile(sequence: PreparedSequence, i: int) -> Picture:
     if second is not None:
         planes.append(_color(second, sequence.info.depth_unit_m))
     tile = np.hstack([shrunk(plane) for plane in planes])
-    tile[:20, :130] = tile[:20, :130] // 3  # a darker ground for the text
+    tile[:20, :130] = tile[:20, :130] // 3  # a darker background for the text
     label(tile, sequence, i)
     return tile
 

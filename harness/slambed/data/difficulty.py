@@ -1,10 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
-"""How hard a sequence is for a tracker that has missed frames: matches over gaps of time.
+"""Measures how difficult a sequence is for tracking after missing frames: feature matches over time
+gaps.
 
-Features are OpenCV's ORB, spread over the image; they are matched by descriptors alone, with the
+Features are OpenCV's ORB, distributed over the image. They are matched by descriptor only, with the
 limits of ORB-SLAM2's fallback to the reference keyframe (`TrackReferenceKeyFrame`: 50 bits, ratio
-0.7). What is right is known from ground truth. No system is asked, so that a recorded and a
-generated sequence can be put beside each other before anything is tracked in them.
+0.7). Correct matches are known from the ground truth. No SLAM system is involved, so recorded and
+generated sequences can be compared before any run.
 """
 
 from __future__ import annotations
@@ -32,18 +33,18 @@ Floats = NDArray[np.float64]
 
 GAPS_S = (0.1, 0.2, 0.5, 1.0, 1.5, 2.0)
 STEP_S = 0.5
-"""Between two pictures that pairs begin with."""
+"""Time between the first images of successive pairs."""
 MOST_STARTS = 120
 FEATURES = 1000
 GRID = (8, 10)
-"""Rows and columns: each cell keeps its strongest features, as an extractor for SLAM does."""
+"""Rows and columns: each cell keeps its strongest features, like extractors of SLAM systems do."""
 LARGEST_DISTANCE, RATIO = 50, 0.7
 RIGHT_PX = 8.0
-"""A match this near to where ground truth and depth put the point is right."""
+"""Maximum distance of a correct match from the position given by ground truth and depth."""
 EPIPOLAR_PX = 2.0
-"""The same without depth, where only the distance to a line is known."""
+"""The same without depth: maximum distance from the epipolar line."""
 OCCLUSION_SHARE = 0.1
-"""A point whose expected depth differs by more from what is measured there is hidden."""
+"""A point whose expected depth exceeds the measured depth by more than this share is occluded."""
 RANSAC_PX, LEAST_MATCHES = 5.0, 15
 CONFIDENCE, ITERATIONS = 0.99, 300
 
@@ -52,7 +53,7 @@ Judge = Literal["depth", "epipolar line"]
 
 @dataclass(frozen=True)
 class Features:
-    """Of one picture: pixels [N,2], descriptors [N,32], depth in meters [N] (0: unknown)."""
+    """Features of one image: pixels [N,2], descriptors [N,32], depth in meters [N] (0: unknown)."""
 
     pixels: Floats
     descriptors: NDArray[np.uint8]
@@ -64,16 +65,16 @@ class Features:
 
 @dataclass(frozen=True)
 class Pair:
-    """Two pictures: matched features [M,2] (first, second), which of them are right and wrong."""
+    """Two images: matched feature indices [M,2] (first, second), and which matches are correct."""
 
     first: Features
     second: Features
     matches: NDArray[np.intp]
     right: NDArray[np.bool_]
     judged: NDArray[np.bool_]
-    """Matches whose first feature has a depth; without depth all of them."""
+    """Matches whose first feature has a depth; without depth images, all matches."""
     visible: int
-    """Features of the first picture that the second one should show."""
+    """Number of features of the first image that should be visible in the second."""
     flow_px: float
     inliers: int
     """Matches that agree with one pose, or one epipolar geometry, found by RANSAC."""
@@ -81,7 +82,7 @@ class Pair:
 
 @dataclass(frozen=True)
 class GapDifficulty:
-    """Means over all pairs this far apart; flow is a median."""
+    """Means over all pairs with this time gap; the flow is a median."""
 
     gap_s: float
     pairs: int
@@ -90,26 +91,26 @@ class GapDifficulty:
     precision: float
     inliers: float
     tracked_share: float
-    """Pairs with the 15 matches that the fallback asks for."""
+    """Share of pairs with the 15 matches that the fallback requires."""
     flow_px: float
 
 
 @dataclass(frozen=True)
 class Difficulty:
-    """One sequence, measured."""
+    """The difficulty of one sequence."""
 
     id: str
     judge: Judge
     features: float
-    """Per picture."""
+    """Mean number per image."""
     depth_share: float
-    """Features with depth; 0 for a camera without."""
+    """Share of features with a depth; 0 without a depth camera."""
     median_depth_m: float
     gaps: tuple[GapDifficulty, ...]
 
 
 def features_of(sequence: PreparedSequence, frame: int) -> Features:
-    """The strongest ORB features of every cell of a grid."""
+    """Returns the strongest ORB features of each grid cell."""
     gray = sequence.gray(frame)
     orb = cv2.ORB.create(nfeatures=4 * FEATURES, fastThreshold=7)
     found, descriptors = orb.detectAndCompute(np.ascontiguousarray(gray), None)
@@ -147,7 +148,7 @@ def _depths(sequence: PreparedSequence, frame: int, pixels: Floats) -> Floats:
 
 
 def match(first: Features, second: Features) -> NDArray[np.intp]:
-    """Pairs of features whose descriptors are near and clearly nearer than the next best [M,2]."""
+    """Returns matches [M,2] whose descriptors are close and clearly closer than the second best."""
     if len(first) == 0 or len(second) < 2:
         return np.empty((0, 2), np.intp)
     matcher = cv2.BFMatcher(cv2.NORM_HAMMING)
@@ -165,7 +166,7 @@ def compare(
     first: tuple[int, Features],
     second: tuple[int, Features],
 ) -> Pair:
-    """Matches the features of a frame with those of another one, and judges them."""
+    """Matches the features of two frames and evaluates the matches."""
     (frame, own), (other, there) = first, second
     matches = match(own, there)
     camera, relative = sequence.info.camera, motion.between(frame, other)
@@ -197,7 +198,7 @@ def compare(
 def _seen(
     sequence: PreparedSequence, frame: int, expected: Floats, depths_m: Floats
 ) -> NDArray[np.bool_]:
-    """Inside the picture, and not behind what is measured there."""
+    """Returns which points are inside the image and not occluded by the measured depth."""
     info = sequence.info
     inside = (depths_m > 0) & (expected >= 0).all(axis=1)
     inside &= (expected[:, 0] < info.width - 1) & (expected[:, 1] < info.height - 1)
@@ -235,7 +236,7 @@ def _inliers(
 
 
 def measure(sequence: PreparedSequence, gaps_s: tuple[float, ...] = GAPS_S) -> Difficulty:
-    """Measures a prepared sequence; raises SlambedError where it has no ground truth."""
+    """Measures a prepared sequence. Raises SlambedError if it has no ground truth."""
     motion = CameraMotion.of(sequence)
     pairs: dict[float, list[Pair]] = {gap_s: [] for gap_s in gaps_s}
     firsts: list[Features] = []

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Difficulties of sequences in lines, as a table and in one figure beside each other."""
+"""Reports the difficulty of sequences as text, as a table and as a figure."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ SIZE_IN = (11.0, 6.2)
 
 
 def lines_of(measured: Difficulty) -> list[str]:
-    """A heading and a line per gap."""
+    """Returns a heading and one line per gap."""
     depth = (
         f"{measured.depth_share:.2f} with depth, median {measured.median_depth_m:.2f} m"
         if measured.depth_share > 0
@@ -49,7 +49,7 @@ def _line(gap: GapDifficulty) -> str:
 
 
 def csv_of(measured: list[Difficulty]) -> str:
-    """One row per sequence and gap, what holds for the whole sequence repeated."""
+    """Returns one row per sequence and gap; values of the whole sequence are repeated."""
     out = io.StringIO()
     rows = [
         {
@@ -70,7 +70,7 @@ def csv_of(measured: list[Difficulty]) -> str:
 
 
 def draw(measured: list[Difficulty], path: Path) -> None:
-    """Every panel over the gap, a curve per sequence."""
+    """Draws all panels over the gap, with one curve per sequence."""
     figure = Figure(figsize=SIZE_IN, layout="constrained")
     panels = figure.subplots(2, 3).ravel()
     for axes, (key, title) in zip(panels, PANELS, strict=True):

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Fetching a dataset by its recipe: checked, unpacked aside, then moved into place.
+"""Downloads a dataset by its recipe: verified, unpacked to a temporary folder, then moved.
 
-By the standard library (data/fetch.py) and not by pooch (looked at: 1.9), which neither resumes nor
-knows mirrors, and takes no `file:` address.
+It uses the standard library (data/fetch.py) instead of pooch (1.9), which cannot resume, knows no
+mirrors, and does not support `file:` URLs.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from slambed.errors import SlambedError, environment_error
 
 
 def recipe_text(dataset: Dataset, folder: Path) -> str:
-    """The recipe in words, for the user to carry out."""
+    """Returns the recipe as instructions for the user."""
     recipe = _recipe(dataset)
     size = f"{recipe.size_bytes} bytes" if recipe.size_bytes else "size not known"
     action = "see the page" if recipe.unpack == "none" else f"unpack into {folder / recipe.into}"
@@ -30,7 +30,7 @@ def recipe_text(dataset: Dataset, folder: Path) -> str:
 
 
 def how_to_get(dataset: Dataset) -> str:
-    """What to do for a dataset that is not here, in one clause."""
+    """Returns in one clause how to get a missing dataset."""
     if dataset.download is None:
         return "no public download has it"
     if dataset.download.unpack == "none":
@@ -42,10 +42,10 @@ def how_to_get(dataset: Dataset) -> str:
 def download(
     dataset: Dataset, folder: Path, force: bool = False, progress: Progress | None = None
 ) -> str:
-    """Carries out a recipe and returns the SHA-256 of what came.
+    """Executes a recipe and returns the SHA-256 of the downloaded file.
 
-    Without a verified checksum only with force; a wrong checksum is an error and keeps nothing.
-    What a broken transfer brought is kept, and the next call goes on from there (data/fetch.py).
+    Without a verified checksum this requires `force`; a wrong checksum raises SlambedError and
+    keeps nothing. A partial download is kept, and the next call resumes it (data/fetch.py).
     """
     recipe = _recipe(dataset)
     if recipe.unpack == "none":
@@ -87,7 +87,7 @@ def _recipe(dataset: Dataset) -> Download:
 
 
 def _unpack(recipe: Download, archive: Path, target: Path) -> None:
-    """Members that would leave the target are refused."""
+    """Rejects archive members with paths outside the target."""
     try:
         if recipe.unpack == "tar":
             with tarfile.open(archive) as tar:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A prepared sequence in the formats that other programs read: folders of pictures, and a bag."""
+"""Exports a prepared sequence to formats of other programs: image folders, or a bag."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from slambed.data.trajectory import Trajectory, write_tum
 from slambed.errors import SlambedError, environment_error
 
 FORMATS: dict[str, tuple[str, ...]] = {**SENSORS, "mcap": ("rgbd", "stereo", "mono")}
-"""Format -> sensors whose sequences it can hold: layouts of folders, and a bag."""
+"""Format -> sensors that it supports: folder layouts, and a bag."""
 
 
 def export(
@@ -29,11 +29,11 @@ def export(
     indices: NDArray[np.intp] | None = None,
     with_truth: bool = True,
 ) -> Path:
-    """Writes `path` whole or not at all: tum (rgb/, depth/, lists, groundtruth.txt), euroc (mav0/),
-    kitti (image_0, image_1, times.txt, calib.txt, poses.txt), mcap (a ROS 2 bag).
+    """Writes `path` atomically: tum (rgb/, depth/, lists, groundtruth.txt), euroc (mav0/), kitti
+    (image_0, image_1, times.txt, calib.txt, poses.txt) or mcap (a ROS 2 bag).
 
-    Gray pictures, as they are played; of the frames at `indices`, or of all. Raises SlambedError
-    for a layout that cannot hold the sequence, and where something is there already.
+    Images are gray, as played; `indices` selects frames, default all. Raises SlambedError for a
+    layout that does not support the sensor, and if `path` exists.
     """
     if layout not in FORMATS:
         raise SlambedError(f"unknown format '{layout}'; known: {', '.join(FORMATS)}")
@@ -50,7 +50,7 @@ def export(
         partial.mkdir(parents=True)
         every = np.arange(len(sequence))
         part = Part(sequence, every if indices is None else indices, with_truth, progress)
-        # The file in a bag is called as its folder.
+        # The file inside a bag has the name of its folder.
         folder = partial / path.name
         if layout == "mcap":
             from slambed.data.export_bag import write_bag
@@ -68,9 +68,9 @@ def export(
 
 
 def folder_times_ns(sequence: PreparedSequence, layout: str) -> NDArray[np.int64]:
-    """The time stamp of every frame, in ns, as a folder of this layout names it."""
+    """Returns the timestamps of all frames in ns, as used in a folder of this layout."""
     times_ns = sequence.index["timestamp_ns"].astype(np.int64)
-    # KITTI's times begin with the sequence.
+    # KITTI's times start at the beginning of the sequence.
     return times_ns if layout == "kitti" else times_ns + round(sequence.info.time_origin_s * 1e9)
 
 
@@ -110,7 +110,7 @@ def _euroc(part: Part, folder: Path) -> None:
     for side in (0, 1):
         place = folder / "mav0" / f"cam{side}"
         (place / "data.csv").write_text("\n".join(["#timestamp [ns],filename", *rows]) + "\n")
-        # The body is the left camera; the right one stands a baseline to its right.
+        # The body frame is the left camera; the right camera is one baseline to its right.
         x_m = side * camera.bf / camera.fx
         (place / "sensor.yaml").write_text(
             "sensor_type: camera\n"
@@ -153,7 +153,7 @@ def _kitti(part: Part, folder: Path) -> None:
 
 
 def _at_frames(part: Part, truth: Trajectory) -> NDArray[np.float64]:
-    """(n, 3, 4): the true pose of every frame, between those that were measured."""
+    """Returns the true pose of every frame (n, 3, 4), interpolated between measurements."""
     from scipy.spatial.transform import Slerp
 
     sequence = part.sequence
@@ -173,7 +173,7 @@ def _write(path: Path, image: NDArray[np.uint8] | NDArray[np.uint16]) -> None:
 
 
 def _seconds(time_ns: int, digits: int) -> str:
-    """Exact, where floats of the time since 1970 would not be."""
+    """Formats exactly: a float of seconds since 1970 would lose precision."""
     unit = 10 ** (9 - digits)
     steps = (time_ns + unit // 2) // unit
     whole, rest = divmod(abs(steps), 10**digits)

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A sequence as a ROS 2 bag with MCAP storage, written without ROS by `rosbags`.
+"""Exports a sequence as a ROS 2 bag with MCAP storage, without ROS, by `rosbags`.
 
-Images and their camera_info by ROS's conventions: names of image_pipeline, depth by REP 118, frames
-by REP 103 (optical: x to the right, y down, z ahead), which is how ours lie.
+Images and camera_info follow ROS conventions: topic names of image_pipeline, depth by REP 118,
+frames by REP 103 (optical: x right, y down, z forward), like ours.
 """
 
 from __future__ import annotations
@@ -24,11 +24,11 @@ TOPICS = {
     "rgbd": ("/camera/image_raw", "/camera/depth/image_raw"),
     "stereo": ("/left/image_raw", "/right/image_raw"),
 }
-"""Of the images, by sensor."""
+"""Sensor -> image topics."""
 GROUNDTRUTH = "/groundtruth"
 WORLD, CAMERA = "world", "camera_optical_frame"
 MILLIMETER_M = 0.001
-"""REP 118: whole millimeters may stand as 16UC1, anything else in meters as 32FC1."""
+"""REP 118 allows integer millimeters as 16UC1; any other depth is in meters as 32FC1."""
 IMAGE, INFO, POSE = (
     "sensor_msgs/msg/Image",
     "sensor_msgs/msg/CameraInfo",
@@ -37,13 +37,13 @@ IMAGE, INFO, POSE = (
 
 
 def write_bag(part: Part, folder: Path) -> None:
-    """Gray images, depth or right images, a camera_info beside each, and the true pose of the left
-    camera, in the order of their times; `folder` is made."""
+    """Writes gray images, depth or right images, their camera_info, and the true pose of the
+    left camera, sorted by time; creates `folder`."""
     Bag(part).write(folder)
 
 
 class Bag:
-    """Messages of one sequence."""
+    """The messages of one sequence."""
 
     def __init__(self, part: Part) -> None:
         self.part = part
@@ -52,7 +52,7 @@ class Bag:
         self.topics = TOPICS[self.info.sensor]
 
     def write(self, folder: Path) -> None:
-        """All of them."""
+        """Writes all messages."""
         bag = Writer(folder, version=Writer.VERSION_LATEST, storage_plugin=StoragePlugin.MCAP)
         with bag:
 
@@ -113,7 +113,7 @@ class Bag:
 
     def _info(self, header: Any, index: int) -> Any:
         camera, info = self.info.camera, self.info
-        # P of the right camera of a pair has -fx times baseline, as in CameraInfo.msg.
+        # P of the right camera contains -fx * baseline, as in CameraInfo.msg.
         right = -camera.bf if info.sensor == "stereo" and index == 1 else 0.0
         k = np.array([camera.fx, 0, camera.cx, 0, camera.fy, camera.cy, 0, 0, 1], np.float64)
         p = np.insert(k.reshape(3, 3), 3, [right, 0.0, 0.0], axis=1).reshape(-1)
@@ -144,7 +144,7 @@ class Bag:
         )
 
     def _poses(self) -> list[tuple[int, Any]]:
-        """The measured ones with their times in ns, earliest first."""
+        """Returns the true poses with their times in ns, earliest first."""
         truth = self.part.truth()
         found = []
         for t_s, x, y, z, qx, qy, qz, qw in [] if truth is None else truth.rows().tolist():

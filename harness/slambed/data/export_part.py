@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The part of a sequence that is exported."""
+"""The part of a sequence to be exported."""
 
 from __future__ import annotations
 
@@ -18,16 +18,16 @@ Progress = Callable[[int, int], None]
 
 @dataclass(frozen=True)
 class Part:
-    """What of a sequence is written."""
+    """The exported part of a sequence."""
 
     sequence: PreparedSequence
     indices: NDArray[np.intp]
-    """Of its frames, in their order."""
+    """Indices of its frames, in order."""
     with_truth: bool
     progress: Progress | None
 
     def frames(self) -> Iterator[Frame]:
-        """One after the other; who waits hears of each."""
+        """Yields the frames; reports the progress of each."""
         for done, index in enumerate(self.indices, start=1):
             yield self.sequence[int(index)]
             if self.progress is not None:
@@ -35,10 +35,10 @@ class Part:
 
     @property
     def fps(self) -> float:
-        """Of what is left of the recorded frames."""
+        """Frame rate of the selected frames."""
         steps = np.diff(self.indices)
         return self.sequence.info.fps / (float(np.median(steps)) if len(steps) else 1.0)
 
     def truth(self) -> Trajectory | None:
-        """The true path, where there is one that shall be reported."""
+        """Returns the ground truth, if it exists and is exported."""
         return self.sequence.groundtruth() if self.with_truth else None

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""One file over the network: from the first of several addresses that has it, and further from
-where a broken transfer ended.
+"""Downloads a file from the first working address, resuming interrupted transfers.
 
-What came is kept as `.download-*.part` until all is there. Bytes whose checksum is known go on from
-any address; others only from the same one, where its server says that they have not changed.
+Received data is kept as `.download-*.part` until the file is complete. With a known checksum any
+address may resume it; otherwise only the same address, if its server confirms that the file is
+unchanged.
 """
 
 from __future__ import annotations
@@ -27,31 +27,31 @@ from slambed.errors import SlambedError, environment_error
 CHUNK_BYTES = 1 << 18
 TIMEOUT_S = 60.0
 ATTEMPTS = 4
-"""At each address, as long as every one of them brings something or is the first."""
+"""Maximum attempts per address; after the first one, they continue only while new data arrives."""
 PAUSE_S = 1.0
 PART, ORIGIN = ".part", ".from"
 
 
 class WrongChecksumError(SlambedError):
-    """All bytes came, and they are not those that were meant."""
+    """The transfer completed, but the content has the wrong checksum."""
 
 
 @dataclass(frozen=True)
 class Wanted:
-    """A file by its addresses, and what is known of it."""
+    """A file with its addresses and known properties."""
 
     addresses: tuple[str, ...]
     sha256: str | None
     size_bytes: int | None
 
     def part(self, folder: Path) -> Path:
-        """Where it is collected: what another recipe asked for is another file."""
+        """Returns the path of the partial file, which is different for each recipe."""
         meant = self.sha256 or self.addresses[0]
         return folder / f".download-{hashlib.sha256(meant.encode()).hexdigest()[:16]}{PART}"
 
 
 class _EndedEarlyError(Exception):
-    """The transfer ended before the file did; `came` bytes were new."""
+    """The transfer ended before the end of the file, after `came` new bytes."""
 
     def __init__(self, why: str, came: int) -> None:
         super().__init__(why)
@@ -59,10 +59,10 @@ class _EndedEarlyError(Exception):
 
 
 def fetch(wanted: Wanted, folder: Path, progress: Progress | None = None) -> tuple[Path, str]:
-    """The file, below `folder`, and its SHA-256; whoever asked moves it away or removes it.
+    """Returns the file, below `folder`, and its SHA-256; the caller moves or removes it.
 
-    Raises SlambedError: a wrong checksum from every address keeps nothing; where the network fails,
-    what came is kept and the next call goes on.
+    Raises SlambedError: if all addresses give a wrong checksum, nothing is kept. After a network
+    failure the partial file is kept, and the next call resumes it.
     """
     part = wanted.part(folder)
     with _alone(part):
@@ -83,7 +83,7 @@ def fetch(wanted: Wanted, folder: Path, progress: Progress | None = None) -> tup
 
 
 def _from_address(address: str, wanted: Wanted, part: Path, progress: Progress | None) -> str:
-    """Twice, where what was there before may be what is wrong."""
+    """Downloads again from the start if a resumed file is wrong: its old part may be the cause."""
     resumed = _usable(part, address, wanted) > 0
     _transfer(address, wanted, part, progress)
     digest = _digest(part)
@@ -100,7 +100,7 @@ def _from_address(address: str, wanted: Wanted, part: Path, progress: Progress |
 
 
 def _transfer(address: str, wanted: Wanted, part: Path, progress: Progress | None) -> None:
-    """Until all is there; a server that brings nothing new any more is given up."""
+    """Transfers until the file is complete; gives up a server that sends no new data."""
     for attempt in range(1, ATTEMPTS + 1):
         try:
             _once(address, wanted, part, progress)
@@ -110,7 +110,7 @@ def _transfer(address: str, wanted: Wanted, part: Path, progress: Progress | Non
                 raise SlambedError(f"{address}: {early}") from early
             time.sleep(PAUSE_S)
         except (urllib.error.URLError, ValueError, http.client.HTTPException) as refused:
-            # Somebody who says no is not asked again; who says nothing may have been cut off.
+            # A refusal is final; a lost connection may be temporary.
             final = isinstance(refused, urllib.error.HTTPError | ValueError)
             if final or attempt == ATTEMPTS or _is_no_place(refused):
                 raise SlambedError(f"{address}: {refused}") from refused
@@ -118,7 +118,7 @@ def _transfer(address: str, wanted: Wanted, part: Path, progress: Progress | Non
 
 
 def _is_no_place(refused: Exception) -> bool:
-    """An address that leads nowhere: no such host or file, nobody there."""
+    """Returns whether the address is invalid: unknown host or file, or connection refused."""
     reason = getattr(refused, "reason", None)
     return not isinstance(reason, TimeoutError | ConnectionResetError)
 
@@ -137,7 +137,7 @@ def _once(address: str, wanted: Wanted, part: Path, progress: Progress | None) -
     except urllib.error.HTTPError as refused:
         if refused.code != http.HTTPStatus.REQUESTED_RANGE_NOT_SATISFIABLE or not begin:
             raise
-        forget(part)  # there is no more of it than we have, or less
+        forget(part)  # it has no more data than we have, or less
         raise _EndedEarlyError("the part that was there is not of this file", 1) from refused
     with answer:
         if begin and not _goes_on(answer, begin):
@@ -174,14 +174,15 @@ def _copy(answer: Any, file: IO[bytes], begin: int, total: int, progress: Progre
 
 
 def _goes_on(answer: Any, begin: int) -> bool:
-    """True for the rest of the file; a server without ranges sends all of it again."""
+    """Returns True if the answer continues the file; a server without range support sends all of
+    it."""
     if getattr(answer, "status", None) != http.HTTPStatus.PARTIAL_CONTENT:
         return False
     return str(answer.headers.get("Content-Range", "")).startswith(f"bytes {begin}-")
 
 
 def _usable(part: Path, address: str, wanted: Wanted) -> int:
-    """Bytes that are there and may be gone on from."""
+    """Returns the number of existing bytes that can be resumed from."""
     if not part.is_file():
         return 0
     if wanted.sha256 is None:
@@ -191,7 +192,7 @@ def _usable(part: Path, address: str, wanted: Wanted) -> int:
 
 
 def _origin(part: Path) -> tuple[str, str]:
-    """The address that the first byte came from, and its server's name for that state."""
+    """Returns the address of the partial file, and the validator (ETag or date) of its server."""
     try:
         address, validator = part.with_suffix(ORIGIN).read_text().splitlines()[:2]
     except (OSError, ValueError):
@@ -205,13 +206,13 @@ def _validator(part: Path) -> str:
 
 def _remember(part: Path, address: str, answer: Any) -> None:
     tag = answer.headers.get("ETag", "")
-    # A weak tag says that the meaning is the same, not the bytes (RFC 9110, 8.8.1).
+    # A weak ETag guarantees equivalent content, but not identical bytes (RFC 9110, 8.8.1).
     validator = tag if tag and not tag.startswith("W/") else answer.headers.get("Last-Modified", "")
     part.with_suffix(ORIGIN).write_text(f"{address}\n{validator}\n")
 
 
 def forget(part: Path) -> None:
-    """Removes what came, and what is known about it."""
+    """Removes the partial file and its origin."""
     for path in (part, part.with_suffix(ORIGIN)):
         path.unlink(missing_ok=True)
 
@@ -223,12 +224,12 @@ def _digest(path: Path) -> str:
 
 @contextmanager
 def _alone(part: Path) -> Iterator[None]:
-    """Two calls would write one file."""
+    """Prevents two calls from writing the same file."""
     lock = part.with_suffix(".lock")
     with lock.open("w") as file:
         try:
             fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
-            # Who had it before may have removed the file that we opened.
+            # The previous holder may have deleted the lock file that we opened.
             ours = lock.stat().st_ino == os.fstat(file.fileno()).st_ino
         except (BlockingIOError, FileNotFoundError):
             ours = False

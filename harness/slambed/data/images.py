@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Reading image files, with one clear line for everything that can be wrong with them."""
+"""Reads image files; every possible error is reported in one clear line."""
 
 from __future__ import annotations
 
@@ -15,10 +15,10 @@ from slambed.errors import SlambedError
 
 _PNG_START, _PNG_END = b"\x89PNG\r\n\x1a\n", b"IEND\xaeB`\x82"
 _JPEG_START, _JPEG_END = b"\xff\xd8", b"\xff\xd9"
-#: In the coded pixels of a JPEG: what is neither a stuffed byte, a restart nor a filling.
+#: JPEG markers within image data, without stuffed bytes, restart markers and fill bytes.
 _JPEG_MARKER = re.compile(rb"\xff[^\x00\xd0-\xd7\xff]")
-#: Pixels as the camera has them: calibrations know nothing of EXIF's orientation, and 16 bits are
-#: not cut to 8 without a word.
+#: Pixels in sensor orientation: calibrations do not consider EXIF orientation. Images of 16 bits
+#: are not silently reduced to 8.
 GRAY = cv2.IMREAD_GRAYSCALE | cv2.IMREAD_ANYDEPTH | cv2.IMREAD_IGNORE_ORIENTATION
 GrayRange = tuple[float, float]
 
@@ -26,7 +26,7 @@ GrayRange = tuple[float, float]
 def read_gray(
     path: Path, size: tuple[int, int] | None = None, gray_range: GrayRange | None = None
 ) -> GrayImage:
-    """8-bit gray image of a picture file; size: (width, height) it must have."""
+    """Reads an 8-bit gray image; `size` is its required (width, height)."""
     image = eight_bits(decode(_bytes(path), GRAY, str(path)), gray_range, str(path))
     if size is not None and _size_of(image) != size:
         raise SlambedError(
@@ -39,8 +39,8 @@ def read_gray(
 def eight_bits(
     image: NDArray[np.uint8] | NDArray[np.uint16], gray_range: GrayRange | None, name: str
 ) -> GrayImage:
-    """Of more than 8 bits those that the range says, which is the same for all pictures: stretched
-    one by one, the same place would change its brightness."""
+    """Scales more than 8 bits by a range that is the same for all images: with an automatic
+    range per image, the same surface would change its brightness."""
     if image.dtype == np.uint8 and gray_range is None:
         return image.astype(np.uint8, copy=False)
     if gray_range is None:
@@ -55,7 +55,7 @@ def eight_bits(
 
 
 def read_depth(path: Path, size: tuple[int, int] | None = None) -> NDArray[np.uint16]:
-    """Raw 16-bit depth of a PNG file."""
+    """Reads raw 16-bit depth from a PNG file."""
     image = decode(_bytes(path), cv2.IMREAD_UNCHANGED, str(path))
     if image.dtype != np.uint16 or image.ndim != 2:
         raise SlambedError(
@@ -70,7 +70,7 @@ def read_depth(path: Path, size: tuple[int, int] | None = None) -> NDArray[np.ui
 def other_size(
     name: str, what: str, found: tuple[int, int], first: tuple[int, int]
 ) -> SlambedError:
-    """The complaint of a second picture that has not the size of the first."""
+    """Returns the error for a second image with a different size than the first."""
     advice = (
         "align depth to color when recording (align_depth of realsense-ros, depth_registered)"
         if what == "depth"
@@ -83,8 +83,8 @@ def other_size(
 
 
 def decode(data: bytes, flags: int, name: str) -> NDArray[np.uint8] | NDArray[np.uint16]:
-    """Decodes an image; a cut-off file is an error even where the decoder would show a part, and
-    bytes behind its end, as cameras and web servers leave them, are none."""
+    """Decodes an image. A truncated file is an error even if the decoder would accept it;
+    trailing bytes, as added by cameras and web servers, are allowed."""
     for start, kind, is_whole in (
         (_PNG_START, "PNG", _png_is_whole),
         (_JPEG_START, "JPEG", _jpeg_is_whole),
@@ -95,7 +95,7 @@ def decode(data: bytes, flags: int, name: str) -> NDArray[np.uint8] | NDArray[np
             )
     try:
         image = cv2.imdecode(np.frombuffer(data, np.uint8), flags) if data else None
-    except cv2.error:  # of a size that no picture has
+    except cv2.error:  # invalid image size
         image = None
     if image is None:
         raise SlambedError(f"{name}: cannot be decoded as an image; fetch the file again")
@@ -115,7 +115,7 @@ def _png_is_whole(data: bytes) -> bool:
 
 
 def _jpeg_is_whole(data: bytes) -> bool:
-    """Walks from segment to segment: the end of a thumbnail in EXIF is not that of the picture."""
+    """Walks over the segments, because a thumbnail in EXIF has its own end marker."""
     if data.endswith(_JPEG_END):
         return True
     at = len(_JPEG_START)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The `camera` of a dataset file, from the calibration that another tool has written."""
+"""Converts calibrations of other tools to the `camera` of a dataset file."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from slambed.errors import SlambedError
 
 
 def camera_yaml(file: Path, number: int, baseline_m: float | None) -> tuple[str, list[str]]:
-    """Lines for a dataset file, and what should be reported about them."""
+    """Returns the lines for a dataset file, and remarks on them."""
     kind, cameras = read_cameras(file)
     if number >= len(cameras):
         raise SlambedError(
@@ -31,7 +31,7 @@ def camera_yaml(file: Path, number: int, baseline_m: float | None) -> tuple[str,
 
 
 def _bf_of_next(cameras: list[CalibratedCamera], number: int) -> float | None:
-    """fx times the distance to the next camera of a camchain."""
+    """Returns fx times the distance to the next camera of a camchain."""
     if number + 1 >= len(cameras) or (motion := cameras[number + 1].pose) is None:
         return None
     distance_m = float(np.linalg.norm(motion[:3, 3]))

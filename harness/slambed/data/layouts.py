@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Layouts of a recorded folder that other programs read, and what each can hold."""
+"""Folder layouts that other programs read, and the sensors they support."""
 
 from typing import Literal
 
@@ -10,4 +10,4 @@ SENSORS: dict[str, tuple[str, ...]] = {
     "euroc": ("stereo",),
     "kitti": ("stereo", "mono"),
 }
-"""Layout -> sensors whose sequences it can hold."""
+"""Layout -> supported sensors."""

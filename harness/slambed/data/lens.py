@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Models of lens distortion: which OpenCV can take out of a picture, and by which names they go."""
+"""Lens distortion models that OpenCV can undistort, and their names in other tools."""
 
 from __future__ import annotations
 
@@ -38,12 +38,12 @@ _ORDERS: dict[Model, str] = {
     "radial-tangential": "k1 k2 p1 p2 [k3 [k4 k5 k6 [s1 s2 s3 s4 [tx ty]]]]",
     "equidistant": "k1 k2 k3 k4",
 }
-#: What a node takes out itself: k1 k2 p1 p2 k3.
+#: Coefficients that a node undistorts itself: k1 k2 p1 p2 k3.
 PLAIN_COUNT = 5
 
 
 def model_of(name: str, where: str) -> Model:
-    """The model that goes by this name; refuses by name what nothing here can take out."""
+    """Returns the model with this name. Raises SlambedError for an unsupported model."""
     known = _NAMES.get(name.strip().lower().replace(" ", "_"))
     if known is None:
         raise SlambedError(
@@ -55,7 +55,7 @@ def model_of(name: str, where: str) -> Model:
 
 
 def coefficients_of(values: Sequence[float], model: Model, where: str) -> Floats:
-    """As many as the model has; none at all is a lens without distortion."""
+    """Checks the number of coefficients; an empty list means no distortion."""
     if not values:
         return np.zeros(4)
     if len(values) not in _COUNTS[model]:
@@ -81,8 +81,8 @@ class Lens:
     def maps(
         self, rotation: Floats, projection: Floats, size: tuple[int, int]
     ) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
-        """Where each pixel of the straightened picture comes from."""
-        import cv2  # takes long to load, a list of datasets needs none
+        """Returns the source position of each pixel in the undistorted image."""
+        import cv2  # slow to import, and not needed to list datasets
 
         own = (self.matrix, self.coefficients, rotation, projection, size, cv2.CV_32FC1)
         fisheye = self.model == "equidistant"
@@ -94,8 +94,8 @@ class Lens:
 def rectified(
     left: Lens, right: Lens, size: tuple[int, int], rotation: Floats, translation_m: Floats
 ) -> tuple[Floats, Floats, Floats, Floats]:
-    """Rotations of both cameras and their common projections [3,4], from the motion of the right
-    one against the left one."""
+    """Returns rotations and projections [3,4] of both rectified cameras, given the pose of the
+    right camera relative to the left one."""
     import cv2
 
     arguments = (

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a sequence is made of: camera and frame."""
+"""Basic types of a sequence: camera and frame."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from pydantic import BaseModel, ConfigDict, Field
 
 Sensor = Literal["rgbd", "stereo", "mono"]
 GrayImage = NDArray[np.uint8]
-#: Right gray image (stereo) or raw depth (rgbd), as the sensor says.
+#: Right gray image (stereo) or raw depth in units of the sensor (rgbd).
 SecondImage = NDArray[np.uint8] | NDArray[np.uint16]
 
 
@@ -31,7 +31,7 @@ class Camera(BaseModel):
 
 @dataclass(frozen=True)
 class Frame:
-    """One moment of a sequence: absolute recorded time and two planes (second: None for mono)."""
+    """One frame of a sequence: absolute recorded time and two images (second: None for mono)."""
 
     timestamp_ns: int
     gray: GrayImage

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Where data is looked for and where prepared sequences are kept."""
+"""Folders that are searched for data, and folders of prepared sequences."""
 
 from __future__ import annotations
 
@@ -22,15 +22,16 @@ MADE_AGAIN = {
     PICTURES: "pictures that nobody gave a place",
     "verified": "which sequences were read against their checksums",
 }
-"""Folders of the cache that may be removed at any time, and what they hold."""
+"""Cache folders that may be removed at any time -> their content."""
 OURS = (*MADE_AGAIN, "programs", "data", "networks", "uml", "host_speed.json")
-"""All that slambed makes in its cache. Whatever else lies there is somebody's who knows why."""
+"""Everything that slambed creates in its cache; other files there belong to the user."""
 
 
 def search_path() -> list[Path]:
-    """Folders searched for source data: $SLAMBED_DATA (colon list), ./data, shared data, cache.
+    """Returns the folders searched for source data: $SLAMBED_DATA (colon list), ./data, shared
+    data, cache.
 
-    With SLAMBED_DATA_BESIDE=no nothing beside the checkout is looked at: tests set it.
+    With SLAMBED_DATA_BESIDE=no the folder next to the checkout is skipped; tests set this.
     """
     configured = [Path(p).expanduser() for p in os.environ.get("SLAMBED_DATA", "").split(":") if p]
     root = repository_root()
@@ -47,46 +48,46 @@ def search_path() -> list[Path]:
 
 
 def dataset_folders() -> list[Path]:
-    """Folders of dataset files of one's own: $SLAMBED_DATASETS (colon list)."""
+    """Returns the user's folders of dataset files: $SLAMBED_DATASETS (colon list)."""
     folders = os.environ.get(DATASETS_VARIABLE, "").split(os.pathsep)
     return [Path(part).expanduser().resolve() for part in folders if part]
 
 
 def is_open(folder: Path) -> bool:
-    """True for a folder that is there and that we may look into."""
+    """Returns whether the folder exists and is readable."""
     return os.access(folder, os.R_OK | os.X_OK)
 
 
 def state_of(folder: Path) -> str:
-    """Empty for a folder that is searched, else why it is not."""
+    """Returns why a folder cannot be searched; empty if it can."""
     if is_open(folder):
         return ""
     try:
         return "may not be read" if folder.exists() else "does not exist"
-    except OSError as refused:  # a folder above it is closed
+    except OSError as refused:  # a parent folder is not accessible
         return refused.strerror.lower() if refused.strerror else "may not be read"
 
 
 def no_cache(folder: Path, refused: OSError) -> SlambedError:
-    """A cache that another user owns, or whose disk is read-only: said the same way everywhere."""
+    """Returns the common error for a cache of another user or on a read-only disk."""
     return environment_error(
         f"{folder}: {refused.strerror}; set SLAMBED_CACHE to a folder you may read and write"
     )
 
 
 def download_folder() -> Path:
-    """Where `slambed data download` unpacks to."""
+    """Returns the target folder of `slambed data download`."""
     return cache_folder() / "data"
 
 
 def picture(name: str) -> Path:
-    """The place of a picture without an --output: in the cache, because where somebody works is no
-    place for what he did not ask for."""
+    """Returns the default path of a picture without --output: in the cache, to keep unrequested
+    files out of the working directory."""
     folder = cache_folder() / PICTURES
     make_folder(folder, "--output")
     return folder / name
 
 
 def prepared_folder(cache_dir: Path | None = None) -> Path:
-    """Where prepared sequences are kept."""
+    """Returns the folder of prepared sequences."""
     return (cache_dir or cache_folder()) / "prepared"

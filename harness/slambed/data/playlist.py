@@ -1,7 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Which frames a playback offers, and when: the plan that the nodes' player follows.
+"""Determines which frames a playback offers: the plan that the nodes' player follows.
 
-The same rule as `systems/core/node/playback.cpp`; `test_playlist.py` compares the two.
+It implements the same rule as `systems/core/node/playback.cpp`; `test_playlist.py` compares the
+two.
 """
 
 import numpy as np
@@ -17,9 +18,9 @@ def offered_frames(
     start_s: float,
     end_s: float | None,
 ) -> NDArray[np.intp]:
-    """Indices of the recorded frames that are offered: of those from `start_s` on and before
-    `end_s`, every n-th, where n is the rounded ratio of recorded to wanted rate."""
-    # Half away from zero, as std::lround.
+    """Returns indices of the offered frames: from `start_s` up to but excluding `end_s`, every
+    n-th one, where n is the rounded ratio of recorded to requested rate."""
+    # Rounds half away from zero, like std::lround.
     keep_every = max(1, int(np.floor(recorded_fps / fps + 0.5))) if fps else 1
     inside = times_ns >= round(start_s * NS_PER_S)
     if end_s is not None:

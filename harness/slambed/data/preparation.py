@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Making prepared sequences: from a reader, or by the synthetic generator."""
+"""Creates prepared sequences with a reader or with the synthetic generator."""
 
 from __future__ import annotations
 
@@ -26,35 +26,36 @@ from slambed.data.truth_times import fitting_truth
 from slambed.errors import ExitCode, SlambedError
 from slambed.native import find_program
 
-#: Called with frames done and frames in all.
+#: Called with the number of finished frames and the total.
 Progress = Callable[[int, int], None]
-#: Called with a line for whoever waits.
+#: Called with a progress line for the user.
 Notify = Callable[[str], None]
 
-#: Raised when the same source must be prepared anew because this code changed.
+#: To be incremented when a change of this code requires sequences to be prepared again.
 PREPARATION_VERSION = 3
-#: A median depth outside this range means a wrong unit, not an unusual room or street.
+#: A median depth outside this range indicates a wrong unit.
 DEPTH_MEDIAN_RANGE_M = (0.1, 50.0)
 _DEPTH_SAMPLE_EVERY = 25
-#: Assumed length where the recipe leaves it to the path; only for the check of free space.
+#: Assumed length if the path determines it; only for the check of free space.
 _USUAL_SYNTHETIC_S = 90.0
 
 
 class Job(Protocol):
-    """One sequence to be made."""
+    """Creates one sequence."""
 
     def key(self) -> str:
         """Hash of recipe and source."""
 
     def size_bytes(self) -> int:
-        """About how much will be written."""
+        """Returns the approximate size of the output."""
 
     def write(self, path: Path, progress: Progress | None, notify: Notify) -> None:
-        """Makes the folder, whole or not at all; `notify` hears what was left out or recognized."""
+        """Creates the folder atomically; `notify` receives remarks on skipped data and detected
+        formats."""
 
 
 class SourceJob:
-    """A recorded dataset read by its reader."""
+    """A recorded dataset with its reader."""
 
     def __init__(self, dataset: Dataset, reader: SequenceReader) -> None:
         self._dataset, self._reader = dataset, reader
@@ -124,7 +125,8 @@ class SourceJob:
 
 
 def _seconds_to_zero(reader: SequenceReader, times_ns: list[int]) -> int:
-    """What is added to all times: programs that read a trajectory know none before zero."""
+    """Returns the seconds to add to all times: programs that read trajectories reject negative
+    times."""
     later_s = -(min(times_ns, default=0) // 1_000_000_000)
     if later_s <= 0:
         return 0
@@ -136,11 +138,11 @@ def _seconds_to_zero(reader: SequenceReader, times_ns: list[int]) -> int:
 
 
 def _straightener(camera: CameraRecipe | None) -> Callable[[Frame], Frame]:
-    """Takes the distortion out that a node cannot take out: depth lies on the same pixels, and has
-    nothing between two of them."""
+    """Returns a function that removes distortion that nodes do not support. Depth has the same
+    pixels, and is remapped without interpolation."""
     if camera is None or not camera.is_straightened:
         return lambda frame: frame
-    import cv2  # takes long to load
+    import cv2  # slow to import
 
     lens = camera.lens()
     maps = lens.maps(np.eye(3), lens.matrix, (camera.width, camera.height))
@@ -156,7 +158,7 @@ def _straightener(camera: CameraRecipe | None) -> Callable[[Frame], Frame]:
 
 
 class SynthJob:
-    """A generated dataset: slambed-synth writes the prepared form itself."""
+    """A generated dataset; slambed-synth writes the prepared form directly."""
 
     def __init__(self, dataset: Dataset, path_file: Path | None = None) -> None:
         assert dataset.synthetic is not None
@@ -181,7 +183,7 @@ class SynthJob:
         )
 
     def command(self, path: Path) -> list[str]:
-        """The command line that makes this sequence."""
+        """Returns the command line that generates this sequence."""
         dataset = self._dataset
         source = {"dataset": dataset.id, "recipe": dataset.content_key()}
         command = [str(self._program), "--out", str(path), "--id", dataset.id]
@@ -225,7 +227,7 @@ class SynthJob:
 
 @dataclass
 class DepthSample:
-    """Raw depth of some frames."""
+    """Raw depth statistics of some frames."""
 
     medians: list[float] = field(default_factory=list)
     largest: int = 0
@@ -239,7 +241,7 @@ class DepthSample:
 
 
 def check_depth_scale(dataset: Dataset, depths: DepthSample) -> None:
-    """Raises when the depth cannot be meters."""
+    """Raises SlambedError if the depth unit must be wrong."""
     low, high = DEPTH_MEDIAN_RANGE_M
     if not depths.medians:
         raise SlambedError(f"dataset '{dataset.id}': no depth in any image; check the depth files")
@@ -254,7 +256,7 @@ def check_depth_scale(dataset: Dataset, depths: DepthSample) -> None:
 
 
 def _read_ahead(reader: SequenceReader) -> Iterator[Frame]:
-    """Frames in order, decoded by all cores where the reader allows it."""
+    """Yields frames in order, decoded on all cores if the reader allows it."""
     if not isinstance(reader, FolderReader):
         yield from reader
         return

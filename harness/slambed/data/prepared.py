@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The prepared sequence (docs/formats.md): written once, then only memory-mapped."""
+"""The prepared sequence (docs/reference/sequence.md): written once, then memory-mapped."""
 
 from __future__ import annotations
 
@@ -55,24 +55,24 @@ class SequenceInfo(BaseModel):
 
 
 def block_bytes(sensor: Sensor, width: int, height: int) -> int:
-    """Bytes of one frame without padding."""
+    """Returns the bytes of one frame without padding."""
     return width * height * {"mono": 1, "stereo": 2, "rgbd": 3}[sensor]
 
 
 def stride_bytes(sensor: Sensor, width: int, height: int) -> int:
-    """Bytes of one frame with padding."""
+    """Returns the bytes of one frame with padding."""
     return -(-block_bytes(sensor, width, height) // BLOCK_ALIGNMENT_BYTES) * BLOCK_ALIGNMENT_BYTES
 
 
 def sequence_checksum(index: bytes, header: dict[str, Any]) -> str:
-    """SHA-256 over the index and the canonical header without `checksum` and `source`."""
+    """Returns SHA-256 over the index and the canonical header without `checksum` and `source`."""
     checked = {key: value for key, value in header.items() if key not in _UNCHECKED_KEYS}
     canonical = json.dumps(checked, sort_keys=True, separators=(",", ":"), ensure_ascii=False)
     return hashlib.sha256(index + canonical.encode()).hexdigest()
 
 
 class PreparedSequence:
-    """A prepared sequence on disk, memory-mapped. Indexing gives views, no copies."""
+    """A memory-mapped prepared sequence. Indexing returns views without copying."""
 
     def __init__(self, path: Path, info: SequenceInfo, index: NDArray[np.void]) -> None:
         self.path = path
@@ -89,7 +89,7 @@ class PreparedSequence:
 
     @classmethod
     def open(cls, path: Path | str) -> PreparedSequence:
-        """Opens a folder after checking header, index and sizes, but not every frame."""
+        """Opens a folder; checks header, index and sizes, but not every frame."""
         path = Path(path)
         header_file = path / SEQUENCE_FILE
         try:
@@ -125,7 +125,7 @@ class PreparedSequence:
         return cls(path, info, index)
 
     def verify(self, full: bool = True) -> None:
-        """Raises when the content is damaged; full: checks the CRC of every frame too."""
+        """Raises SlambedError for damaged content; `full` also checks the CRC of every frame."""
         if self.groundtruth_file is not None:
             read_groundtruth(self.groundtruth_file)
         if not full:
@@ -142,7 +142,7 @@ class PreparedSequence:
 
     @property
     def groundtruth_file(self) -> Path | None:
-        """The TUM-format ground truth, where there is one."""
+        """The ground truth file in TUM format, if it exists."""
         file = self.path / GROUNDTRUTH_FILE
         return file if file.is_file() else None
 
@@ -153,11 +153,11 @@ class PreparedSequence:
 
     @property
     def duration_s(self) -> float:
-        """From the first to the last frame."""
+        """Time from the first to the last frame."""
         return float(self.times_s[-1] - self.times_s[0])
 
     def groundtruth(self) -> Trajectory | None:
-        """Ground truth, where there is one."""
+        """Returns the ground truth, if it exists."""
         file = self.groundtruth_file
         return None if file is None else read_groundtruth(file)
 
@@ -174,12 +174,12 @@ class PreparedSequence:
         return (self[i] for i in range(len(self)))
 
     def gray(self, i: int) -> GrayImage:
-        """Left (or only) gray image."""
+        """Returns the left (or only) gray image."""
         pixels = self.info.width * self.info.height
         return self._frames[i, :pixels].reshape(self.info.height, self.info.width)
 
     def second(self, i: int) -> SecondImage | None:
-        """Raw depth (rgbd), right image (stereo) or None (mono)."""
+        """Returns raw depth (rgbd), the right image (stereo) or None (mono)."""
         if self.info.sensor == "mono":
             return None
         pixels = self.info.width * self.info.height
@@ -189,9 +189,9 @@ class PreparedSequence:
 
 
 class PreparedWriter:
-    """Writes a prepared sequence beside its final place and moves it there whole, or not at all.
+    """Writes a prepared sequence to a temporary folder and moves it into place when it is complete.
 
-    Use as a context manager; call add() per frame; leaving the block finishes the sequence.
+    Used as a context manager: add() appends a frame, and leaving the block finishes the sequence.
     """
 
     def __init__(
@@ -247,7 +247,7 @@ class PreparedWriter:
         return self
 
     def add(self, frame: Frame) -> None:
-        """Appends a frame; its time must be later than the last one's."""
+        """Appends a frame; its timestamp must be later than the previous one."""
         assert self._file is not None, "PreparedWriter is used as a context manager"
         if not self._index:
             self._origin_ns = frame.timestamp_ns
@@ -266,7 +266,7 @@ class PreparedWriter:
         self._previous = block
 
     def set_groundtruth(self, trajectory: Trajectory) -> None:
-        """Camera-to-world poses in recorded time."""
+        """Sets camera-to-world poses in recorded time."""
         self._groundtruth = trajectory
 
     def _block(self, frame: Frame) -> bytes:
@@ -313,12 +313,12 @@ class PreparedWriter:
 
 
 def partial_folder(path: Path) -> Path:
-    """Where a sequence is written before it is complete: a hidden sibling, same file system."""
+    """Returns the temporary folder of an unfinished sequence: hidden, on the same file system."""
     return path.parent / f".{path.name}.partial-{os.getpid()}"
 
 
 def move_into_place(partial: Path, path: Path) -> None:
-    """Renames the finished folder; an older one at the same place is replaced."""
+    """Moves the finished folder to its place, replacing an older one."""
     retired = path.parent / f".{path.name}.old-{os.getpid()}"
     if path.exists():
         path.rename(retired)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The models of catalog/datasets/*.yaml. Unknown keys are errors."""
+"""Models of catalog/datasets/*.yaml; unknown keys are errors."""
 
 from __future__ import annotations
 
@@ -25,19 +25,26 @@ class _Strict(BaseModel):
 
 
 class CameraRecipe(_Strict):
-    """Camera of the source images; left out where the dataset brings its own calibration."""
+    """Camera of the source images; omitted if the dataset has its own calibration."""
 
     width: int = Field(gt=0)
+    """In pixels."""
     height: int = Field(gt=0)
+    """In pixels."""
     fx: float = Field(gt=0)
+    """Focal length along a row, in pixels."""
     fy: float = Field(gt=0)
+    """Focal length along a column, in pixels."""
     cx: float
+    """Column of the principal point, in pixels."""
     cy: float
+    """Row of the principal point, in pixels."""
     bf: float = Field(ge=0, description="fx times baseline, px m")
     distortion: tuple[float, ...] = (0.0, 0.0, 0.0, 0.0, 0.0)
-    """k1 k2 p1 p2 [k3 [k4 k5 k6]] as OpenCV has them, or k1 k2 k3 k4 of `equidistant`."""
+    """k1 k2 p1 p2 [k3 [k4 k5 k6]] in OpenCV's order, or k1 k2 k3 k4 for `equidistant`."""
     distortion_model: str = "radial-tangential"
-    """What a node cannot take out (equidistant, k4 and more) is taken out when preparing."""
+    """Distortion that nodes do not support (equidistant, k4 and higher) is removed during
+    preparation."""
 
     @model_validator(mode="after")
     def _known_distortion(self) -> Self:
@@ -48,19 +55,19 @@ class CameraRecipe(_Strict):
         return self
 
     def lens(self) -> Lens:
-        """With what distorts the source images."""
+        """Returns the lens model of the source images."""
         model = model_of(self.distortion_model, "distortion_model")
         matrix = np.array([[self.fx, 0, self.cx], [0, self.fy, self.cy], [0, 0, 1.0]])
         return Lens(matrix, coefficients_of(self.distortion, model, "distortion"), model)
 
     @property
     def is_straightened(self) -> bool:
-        """True where the distortion is taken out when preparing."""
+        """True if the distortion is removed during preparation."""
         lens = self.lens()
         return lens.model == "equidistant" or bool(lens.coefficients[PLAIN_COUNT:].any())
 
     def camera(self) -> Camera:
-        """Of the frames as prepared, without the image size."""
+        """Returns the camera of the prepared frames."""
         left = () if self.is_straightened else self.distortion[:PLAIN_COUNT]
         k1, k2, p1, p2, k3 = (*left, *[0.0] * (PLAIN_COUNT - len(left)))
         pinhole = self.model_dump(exclude={"width", "height", "distortion", "distortion_model"})
@@ -68,66 +75,97 @@ class CameraRecipe(_Strict):
 
 
 class DatasetPlayback(_Strict):
-    """What an experiment uses when it does not say otherwise."""
+    """Defaults for experiments that do not set these options."""
 
     fps: float | None = Field(default=None, gt=0)
+    """Frames per second; null plays as recorded."""
     start_s: float = Field(default=0.0, ge=0)
+    """Sequence time of the first played frame."""
     end_s: float | None = Field(default=None, gt=0)
+    """Sequence time at which playback ends; null plays to the end."""
 
 
 class Download(_Strict):
-    """Where the data comes from. Without a verified checksum nothing is fetched unasked."""
+    """Source of the data. Without a verified checksum a download requires --force."""
 
     url: str
+    """Address of the file; `file:///...` for one on this machine."""
     mirrors: tuple[str, ...] = Field(
         default=(), description="further addresses of the same file, asked in their order"
     )
     size_bytes: int | None = Field(default=None, gt=0)
+    """Size of the file."""
     sha256: str = Field(default=UNVERIFIED, pattern=rf"^([0-9a-f]{{64}}|{UNVERIFIED})$")
+    """Digest of the file; `unverified here` is fetched with `--force` only."""
     unpack: Literal["tar", "zip", "none"] = "none"
+    """How the file is unpacked."""
     into: str = Field(default="", description="folder below the data folder that it unpacks to")
 
     @property
     def verified(self) -> bool:
-        """True when the checksum was seen by whoever wrote the recipe."""
+        """True if the author of the recipe recorded the checksum."""
         return self.sha256 != UNVERIFIED
 
 
 class Synthetic(_Strict):
-    """Options of slambed-synth, named as on its command line with '_' for '-'."""
+    """Options of slambed-synth, named like its command line options with '_' instead of '-'."""
 
     trajectory: str = Field(
         default="spline",
         description="a named path, or a TUM-format .txt file in catalog/datasets/ or where data is",
     )
     seconds: float | None = Field(default=None, gt=0)
+    """Length; null takes the whole path."""
     seed: int = 1
+    """Of scene, path and noise."""
     motion_blur_s: float | None = Field(default=None, ge=0)
+    """Exposure time, at most 0.1."""
     noise: float | None = Field(default=None, ge=0)
+    """Standard deviation of the gray values, at most 50."""
     depth_noise: float | None = Field(default=None, ge=0)
+    """Depth noise; 1 is a Kinect's."""
     depth_holes: float | None = Field(default=None, ge=0, le=1)
+    """Share of the depth that is lost in patches."""
     max_depth_m: float | None = Field(default=None, ge=0.5, le=13)
+    """No depth beyond this distance."""
     moving_objects: int | None = Field(default=None, ge=0)
+    """Walking figures in a room, oncoming cars in a street; at most 20."""
     width: int | None = Field(default=None, ge=32)
+    """Of the pictures, in pixels."""
     height: int | None = Field(default=None, ge=32)
+    """Of the pictures, in pixels."""
     texel_scale: float | None = Field(default=None, ge=0.5)
+    """Above 1: coarser textures."""
     open_stretches: int | None = Field(default=None, ge=0)
+    """Stretches of a street with nothing near the road, at most 20."""
     focal_error: float | None = None
+    """The calibration's focal length is the true one times 1 + this; -0.03 to 0.03."""
     distortion: float | None = None
+    """Lens distortion left over: a ray's slope times 1 + this r^2; -0.05 to 0.05."""
     right_yaw_deg: float | None = None
+    """Turn of the right camera to the side, -0.1 to 0.1."""
     right_pitch_deg: float | None = None
+    """Turn of the right camera up or down, -0.1 to 0.1."""
     right_roll_deg: float | None = None
+    """Turn of the right camera about its axis, -0.1 to 0.1."""
     readout_s: float | None = Field(default=None, ge=0)
+    """Rolling shutter: time from the first row to the last, at most 0.05."""
     exposure_wander: float | None = Field(default=None, ge=0)
+    """Share by which the brightness wanders, at most 0.4."""
     people: int | None = Field(default=None, ge=0)
+    """Persons with moving limbs in a room, at most 12."""
     activity: Literal["walking", "crossing", "sitting", "mixed"] | None = None
+    """What the persons do."""
     labels: bool | None = None
+    """Whether labels.bin with the true masks and key points is written."""
     blackout_start_s: float | None = Field(default=None, ge=0)
+    """Sequence time at which the lens is covered."""
     blackout_end_s: float | None = Field(default=None, ge=0)
+    """Sequence time at which it is free again."""
 
     @property
     def path_file(self) -> str | None:
-        """The trajectory when it is a file, else None."""
+        """The trajectory if it is a file, else None."""
         return self.trajectory if self.trajectory.endswith(".txt") else None
 
 
@@ -136,13 +174,13 @@ _LATER = {
     "right_yaw_deg", "right_pitch_deg", "right_roll_deg", "readout_s", "exposure_wander",
     "people", "activity", "labels", "max_depth_m",
 }  # fmt: skip
-"""Options that came with streets, people and the hall: what asks for none keeps its key."""
+"""Later options: a recipe that does not use them keeps its old key."""
 
 
 def split_pattern(pattern: str) -> tuple[Path | None, str]:
-    """A pattern of `paths` as the folder that it starts from and what glob() takes below it; None
-    stands for every folder of the search path. Only absolute ones (`~` too) have a folder of
-    their own."""
+    """Splits a pattern of `paths` into its start folder and the part for glob(). The folder is
+    None for a relative pattern, which applies to every folder of the search path; absolute
+    patterns may start with `~`."""
     path = Path(pattern).expanduser()
     if not path.is_absolute():
         return None, pattern
@@ -150,33 +188,52 @@ def split_pattern(pattern: str) -> tuple[Path | None, str]:
 
 
 class Dataset(_Strict):
-    """One sequence: recorded (reader), generated (synthetic), a part of another one (window_of) or
-    a choice of others (first_of)."""
+    """One sequence: recorded (reader), generated (synthetic), a part of another one (window_of),
+    or the first available of others (first_of)."""
 
     id: str = Field(pattern=r"^[a-z0-9][a-z0-9_]*$")
+    """Name of the sequence, as of the file or of its folder."""
     title: str
+    """One line for lists and reports."""
     aliases: tuple[str, ...] = ()
+    """Further names of the sequence."""
     sensor: Sensor = "rgbd"
+    """What a frame holds."""
     reader: str | None = None
+    """Format of the recording: `tum`, `seven_scenes`, `kitti`, `euroc` or `bag`."""
     paths: tuple[str, ...] = ()
+    """Patterns of the recording's place: below the search path or beside this file, absolute, or
+    from `~`."""
     camera: CameraRecipe | None = None
+    """Calibration, where the format brings none."""
     depth_unit_m: float = Field(default=0.0, ge=0)
+    """Meters per step of the depth pictures; required for `rgbd`."""
     close_depth_baselines: float = Field(default=40.0, gt=0)
+    """ORB-SLAM2's ThDepth: points nearer than this many baselines are close."""
     fps: float = Field(default=30.0, gt=0)
+    """Nominal rate of the recording."""
     playback: DatasetPlayback = DatasetPlayback()
+    """What an experiment's `playback` leaves open."""
     groundtruth: str | None = None
+    """File of the true path, for `tum`, `kitti` and `euroc`."""
     reader_options: dict[str, Any] = Field(default_factory=dict)
+    """Options of the reader."""
     download: Download | None = None
+    """Where the recording can be had."""
     license: str = ""
+    """License of the recording."""
     note: str = ""
+    """What a reader must know."""
     synthetic: Synthetic | None = None
+    """Options of the generator, instead of `reader`."""
     first_of: tuple[str, ...] = ()
+    """Other datasets: the first one that is on this machine is played."""
     window_of: str | None = None
-    """Of this dataset `playback` plays a part: no copy is made."""
+    """The dataset of which `playback` selects a part, without a copy."""
     prior_map: str | None = None
-    """Prepared input that a parameter with the value `dataset` stands for (docs/inputs.md)."""
+    """Prepared input used for parameters with the value `dataset` (docs/reference/input.md)."""
     reference: str | None = None
-    """Prepared input whose path runs on this dataset are compared with."""
+    """Prepared input with the path that runs on this dataset are compared with."""
 
     @model_validator(mode="before")
     @classmethod
@@ -212,11 +269,12 @@ class Dataset(_Strict):
         return self
 
     def content_key(self) -> str:
-        """Hash of everything that changes what the prepared sequence contains."""
+        """Returns a hash of everything that affects the content of the prepared sequence."""
         aside = {"aliases", "paths", "playback", "download", "license", "note"}
         aside |= {"window_of", "prior_map", "reference"}
         content = self.model_dump(mode="json", exclude=aside)
-        # What a recipe does not ask for leaves its key as it was before one could ask for it.
+        # Options that a recipe does not use are left out, so that its key does not change when they
+        # are introduced.
         camera = content["camera"]
         if camera is not None and camera["distortion_model"] == "radial-tangential":
             del camera["distortion_model"]

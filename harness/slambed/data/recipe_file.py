@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Dataset files: where they lie, and loading one with errors that name file, line and the likely
-intention."""
+"""Dataset files: finding them, and loading one with errors that name file, line and a likely
+fix."""
 
 from pathlib import Path
 
@@ -8,21 +8,21 @@ from slambed.data.recipe import Dataset
 from slambed.files.yaml_source import load_yaml, read_model
 
 DATASET_FILE = "dataset.yaml"
-"""Its folder has the name of the dataset; any other file has it itself."""
+"""Its folder is named after the dataset; any other dataset file is named after it itself."""
 
 
 def dataset_files(folder: Path) -> list[Path]:
-    """Those of a folder of one's own: NAME.yaml and NAME/dataset.yaml."""
+    """Lists the dataset files in a user's folder: NAME.yaml and NAME/dataset.yaml."""
     return sorted([*folder.glob("*.yaml"), *folder.glob(f"*/{DATASET_FILE}")])
 
 
 def dataset_name(path: Path) -> str:
-    """The id that a dataset file must have."""
+    """Returns the id that a dataset file must have."""
     return path.resolve().parent.name if path.name == DATASET_FILE else path.stem
 
 
 def load_recipe(path: Path) -> Dataset:
-    """Reads and checks one dataset file."""
+    """Reads and validates one dataset file."""
     dataset = read_model(Dataset, path)
     if dataset.id != dataset_name(path):
         what = "its folder" if path.name == DATASET_FILE else "the file"

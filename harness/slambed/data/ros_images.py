@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Pictures and depth of ROS messages: Image and CompressedImage."""
+"""Decodes images and depth of ROS messages: Image and CompressedImage."""
 
 from __future__ import annotations
 
@@ -14,10 +14,10 @@ from slambed.data.images import GRAY, GrayRange, decode, eight_bits
 from slambed.data.model import GrayImage
 from slambed.errors import SlambedError
 
-#: compressed_depth_image_transport puts this before the PNG: a format, and A and B of the
+#: Header of compressed_depth_image_transport before the PNG: a format, and A and B of the
 #: quantization, inverse depth = A / depth + B.
 _DEPTH_HEADER = struct.Struct("<iff")
-#: What no depth camera sees: meters that are millimeters.
+#: Beyond the range of any depth camera: such values are millimeters.
 _FARTHEST_M = 100.0
 _LAYOUTS: dict[str, tuple[str, int]] = {
     "mono8": ("u1", 1), "8UC1": ("u1", 1), "rgb8": ("u1", 3), "bgr8": ("u1", 3),
@@ -27,7 +27,7 @@ _LAYOUTS: dict[str, tuple[str, int]] = {
 
 
 def gray_of(message: Any, name: str, gray_range: GrayRange | None) -> GrayImage:
-    """8-bit gray image of a message."""
+    """Returns the 8-bit gray image of a message."""
     if hasattr(message, "format"):
         return eight_bits(decode(message.data.tobytes(), GRAY, name), gray_range, name)
     image, encoding = _pixels(message, name)
@@ -41,7 +41,7 @@ def gray_of(message: Any, name: str, gray_range: GrayRange | None) -> GrayImage:
 
 
 def depth_of(message: Any, name: str, unit_m: float) -> NDArray[np.uint16]:
-    """Raw depth in steps of the unit: meters are converted, whole numbers are taken as they are."""
+    """Returns raw depth in steps of the unit: meters are converted, integers are used unchanged."""
     if not hasattr(message, "format"):
         image, _ = _pixels(message, name)
     elif "compresseddepth" in str(message.format).lower():
@@ -56,8 +56,8 @@ def depth_of(message: Any, name: str, unit_m: float) -> NDArray[np.uint16]:
 
 
 def _compressed_depth(message: Any, name: str) -> NDArray[Any]:
-    """Of compressed_depth_image_transport: `16UC1; compressedDepth` is the depth itself, `32FC1;
-    compressedDepth` the quantized inverse of it."""
+    """Decodes compressed_depth_image_transport: `16UC1; compressedDepth` is the depth itself,
+    `32FC1; compressedDepth` its quantized inverse."""
     reported, data = str(message.format), message.data.tobytes()
     encoding = reported.partition(";")[0].strip()
     if "rvl" in reported.lower():
@@ -96,7 +96,7 @@ def _steps(meters: NDArray[Any], name: str, unit_m: float) -> NDArray[np.uint16]
 
 
 def _pixels(message: Any, name: str) -> tuple[NDArray[Any], str]:
-    """The image as an array, and its encoding; rows may be padded."""
+    """Returns the image as an array, and its encoding; rows may be padded."""
     if message.encoding not in _LAYOUTS:
         raise SlambedError(
             f"{name}: encoding '{message.encoding}' is not known; known: {', '.join(_LAYOUTS)}; "

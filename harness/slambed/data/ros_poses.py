@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Ground truth of ROS messages: whatever reports where the camera was, and when."""
+"""Reads ground truth from ROS messages of any type with a stamped camera pose."""
 
 from __future__ import annotations
 
@@ -12,13 +12,14 @@ from slambed.data.rotations import check_quaternions
 from slambed.data.trajectory import Trajectory
 from slambed.errors import SlambedError
 
-#: Position, and orientation as x y z w; a point has none.
+#: Position, and orientation as x y z w; a point has no orientation.
 Pose = list[float]
 _NO_TURN = 3
 
 
 def poses_of(messages: Iterable[Any], where: str) -> dict[int, Pose]:
-    """Pose by stamp in nanoseconds; of a Path the newest message counts."""
+    """Returns timestamp in nanoseconds -> pose; repeated poses of Path messages take the latest
+    value."""
     poses: dict[int, Pose] = {}
     for number, message in enumerate(messages, 1):
         for stamped in _stamped(message, where):
@@ -36,12 +37,12 @@ def poses_of(messages: Iterable[Any], where: str) -> dict[int, Pose]:
 
 
 def is_without_turn(poses: dict[int, Pose]) -> bool:
-    """True for points."""
+    """Returns True for points, which have no orientation."""
     return any(len(pose) == _NO_TURN for pose in poses.values())
 
 
 def truth_of(poses: dict[int, Pose], where: str) -> Trajectory:
-    """In order of time; points look straight ahead."""
+    """Returns the poses sorted by time; points get the identity orientation."""
     if not poses:
         raise SlambedError(f"{where}: no pose in it; remove groundtruth_topic to go without")
     rows = [
@@ -54,7 +55,7 @@ def truth_of(poses: dict[int, Pose], where: str) -> Trajectory:
 
 
 def _stamped(message: Any, where: str) -> Iterator[Any]:
-    """What has a header and a pose."""
+    """Yields the parts of a message with a header and a pose."""
     if hasattr(message, "poses"):
         yield from (pose for pose in message.poses if _is_stamped(pose, where))
     elif _is_stamped(message, where):

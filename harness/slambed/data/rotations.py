@@ -1,20 +1,20 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Whether what a file calls a rotation is one."""
+"""Checks whether matrices and quaternions of a file are rotations."""
 
 import numpy as np
 from numpy.typing import NDArray
 
 from slambed.errors import SlambedError
 
-#: Calibrations and poses with three digits are as far from a rotation as this; a scaled, mirrored
-#: or transposed-with-translation matrix is further.
+#: Tolerance for calibrations and poses with three decimals; a scaled, mirrored or wrongly
+#: transposed matrix exceeds it.
 _TOLERANCE = 0.02
 
 Floats = NDArray[np.float64]
 
 
 def check_rotation(matrix: Floats, where: str) -> None:
-    """Raises where the matrix [3,3] is no rotation."""
+    """Raises SlambedError if the matrix [3,3] is no rotation."""
     apart = float(np.abs(matrix @ matrix.T - np.eye(3)).max())
     if not apart < _TOLERANCE:
         raise SlambedError(
@@ -26,7 +26,7 @@ def check_rotation(matrix: Floats, where: str) -> None:
 
 
 def check_quaternions(quaternions: Floats, where: list[str]) -> None:
-    """Raises for the first quaternion [N,4] whose length is not 1."""
+    """Raises SlambedError for the first quaternion [N,4] whose length is not 1."""
     lengths = np.linalg.norm(quaternions, axis=1)
     for i in np.flatnonzero(~(np.abs(lengths - 1) < 5 * _TOLERANCE)):
         raise SlambedError(

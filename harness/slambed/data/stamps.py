@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Times of recorded frames: what unit they are in, and whether they can be a recording's."""
+"""Timestamps of recorded frames: detects their unit and checks their plausibility."""
 
 from __future__ import annotations
 
@@ -13,11 +13,11 @@ from slambed.errors import SlambedError
 
 NS_PER = {"s": 1_000_000_000, "ms": 1_000_000, "us": 1_000, "ns": 1}
 UNIT_NAMES = {"s": "seconds", "ms": "milliseconds", "us": "microseconds", "ns": "nanoseconds"}
-#: Recordings are of 1990 to 2100: a count since 1970 in this range of seconds reports its unit.
+#: Recordings are from 1990 to 2100: a time since 1970 in this range of seconds reveals its unit.
 _EPOCH_S = (631_152_000, 4_102_444_800)
-#: As often or as seldom as this, compared with the nominal rate, frames do not come: another unit.
+#: A frame rate that differs from the nominal one by this factor indicates a wrong unit.
 _RATE_FACTOR = 100
-#: Without a picture for so long, and for so many usual steps, it is the clock that jumped.
+#: A gap longer than both this time and this number of usual steps is a clock jump.
 _GAP_S, _GAP_STEPS, _LONGEST_GAP_S = 60.0, 100, 86_400.0
 _LARGEST_NS = 2**63 - 1
 #: Frame -> where its time is written, for complaints.
@@ -25,7 +25,7 @@ Place = Callable[[int], str]
 
 
 def number_or_date(text: str) -> Decimal:
-    """A count, or a date as KITTI's raw recordings have it (UTC), as seconds since 1970.
+    """Parses a number, or a date as in KITTI's raw recordings (UTC) as seconds since 1970.
 
     Raises ValueError.
     """
@@ -47,8 +47,8 @@ def _date(text: str) -> Decimal:
 
 
 def recognized_unit(counts: Sequence[Decimal], usual: str, fps: float) -> str | None:
-    """The unit of these times: the usual one where it fits the rate, else the one whose count since
-    1970 is a date of ours; None: the one who knows must be asked."""
+    """Returns the unit of these times: the usual one if it fits the frame rate, otherwise the
+    one that gives a plausible date. None: ambiguous, so the user must specify it."""
     if not counts:
         return usual
     rest = [unit for unit in NS_PER if unit != usual]
@@ -69,7 +69,7 @@ def _is_date(counts: Sequence[Decimal], unit: str) -> bool:
 
 
 def _is_near(counts: Sequence[Decimal]) -> bool:
-    """Counts from a start of their own, as from the start of the computer."""
+    """Returns whether the counts are relative, for example to the boot time."""
     return abs(statistics.median(counts)) < 10**17
 
 
@@ -85,7 +85,7 @@ def _usual_step(counts: Sequence[Decimal]) -> Decimal:
 
 
 def unit_question(counts: Sequence[Decimal], usual: str, fps: float, where: str) -> SlambedError:
-    """What to ask where no unit is certain."""
+    """Returns the error that asks for the unit."""
     return SlambedError(
         f"{where}: times are {float(_usual_step(counts)):g} apart, which in {UNIT_NAMES[usual]} "
         f"does not go with fps {fps:g}; say 'reader_options: {{time_unit: s, ms, us or ns}}', or "
@@ -94,7 +94,7 @@ def unit_question(counts: Sequence[Decimal], usual: str, fps: float, where: str)
 
 
 def to_ns(count: Decimal, unit: str) -> int:
-    """Exact nanoseconds. Raises ValueError for what no sequence can hold."""
+    """Converts to exact nanoseconds. Raises ValueError if that exceeds 64 bits."""
     time_ns = int((count * NS_PER[unit]).to_integral_value())
     if abs(time_ns) > _LARGEST_NS:
         raise ValueError(f"{count} {unit} is further from 1970 than 292 years")
@@ -102,7 +102,7 @@ def to_ns(count: Decimal, unit: str) -> int:
 
 
 def check_times(times_ns: Sequence[int], place: Place, max_gap_s: float | None) -> None:
-    """Raises where frames, in the order they are played, cannot be a recording."""
+    """Raises SlambedError if the frame times, in playback order, are implausible."""
     if len(times_ns) == 1:
         raise SlambedError(f"{place(0)}: the dataset has one frame; a sequence needs two at least")
     if times_ns and not any(times_ns):

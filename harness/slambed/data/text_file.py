@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Text files as people have them: any usual encoding, any end of line, tables with or without a
-header line, numbers apart by blanks, commas or semicolons."""
+"""Text files in any common encoding and with any line ending; tables with or without a header,
+separated by blanks, commas or semicolons."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from slambed.errors import SlambedError
 
 _MARKS = (
     (codecs.BOM_UTF8, "utf-8-sig"),
-    (codecs.BOM_UTF32_LE, "utf-32"),  # begins as UTF-16's mark does, so it is asked for first
+    (codecs.BOM_UTF32_LE, "utf-32"),  # before UTF-16, whose mark is its prefix
     (codecs.BOM_UTF32_BE, "utf-32"),
     (codecs.BOM_UTF16_LE, "utf-16"),
     (codecs.BOM_UTF16_BE, "utf-16"),
@@ -24,7 +24,7 @@ _BETWEEN = re.compile(r"[\s,;]+")
 
 
 def read_lines(path: Path) -> list[str]:
-    """The lines of a text file, without their ends."""
+    """Returns the lines of a text file, without line endings."""
     try:
         return decode_text(path.read_bytes(), str(path)).split("\n")
     except OSError as refused:
@@ -32,8 +32,8 @@ def read_lines(path: Path) -> list[str]:
 
 
 def decode_text(data: bytes, name: str) -> str:
-    """UTF-8, UTF-16 as PowerShell writes it, else Latin-1, in which every byte is a letter; lines
-    end as on Unix."""
+    """Decodes UTF-8, UTF-16 as written by PowerShell, or else Latin-1, which accepts every byte;
+    converts to Unix line endings."""
     encoding = next((kind for mark, kind in _MARKS if data.startswith(mark)), _without_mark(data))
     try:
         text = data.decode(encoding)
@@ -49,20 +49,20 @@ def decode_text(data: bytes, name: str) -> str:
 
 
 def _without_mark(data: bytes) -> str:
-    """Every other byte of Western text in UTF-16 is zero; no text has a zero otherwise."""
+    """Detects UTF-16 without a mark: every second byte of Western text is zero, which does not
+    occur in other text."""
     if data[1:2] == b"\0":
         return "utf-16-le"
     return "utf-16-be" if data[:1] == b"\0" else "utf-8"
 
 
 def fields(line: str) -> list[str]:
-    """What stands between blanks, commas and semicolons; a separator at the end adds nothing."""
+    """Splits at blanks, commas and semicolons; a trailing separator adds no field."""
     return [field for field in _BETWEEN.split(line.split("#", 1)[0]) if field]
 
 
 def table_lines(path: Path) -> Iterator[tuple[int, str]]:
-    """Number (from 1) and text of each line with content: neither comment nor, as the first one,
-    the names of the columns."""
+    """Yields number (from 1) and text of each line, without empty lines, comments and a header."""
     header, rows = None, 0
     for number, line in enumerate(read_lines(path), 1):
         words = fields(line)
@@ -73,13 +73,13 @@ def table_lines(path: Path) -> Iterator[tuple[int, str]]:
             continue
         rows += 1
         yield number, line
-    # Over no row it is no header: whoever reads the file says what is wrong with that line.
+    # A first line without rows is no header; the caller reports what is wrong with it.
     if header is not None and not rows:
         yield header
 
 
 def is_header(words: list[str]) -> bool:
-    """True for names of columns, as `timestamp` or `r11`, and not for a time with a slip in it."""
+    """Returns True for column names such as `timestamp` or `r11`, but not for a mistyped time."""
     name = words[0]
     begins = re.match(r"[^\W\d]", name) is not None and not _is_number(name)
     return begins and sum(letter.isdecimal() for letter in name) <= _DIGITS_OF_A_NAME
@@ -88,8 +88,8 @@ def is_header(words: list[str]) -> bool:
 def pose_rows(
     path: Path, columns: int, expected: str, *, longer: bool = False
 ) -> list[tuple[int, list[float]]]:
-    """Line number and values of each row of a table of poses, which are finite; longer: a row may
-    have more, which nobody asks for."""
+    """Returns line number and values of each row of a table of poses, all finite; with `longer`
+    extra columns are ignored."""
     rows = []
     for number, line in table_lines(path):
         words = fields(line)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A time-stamped camera path, and TUM's text format, in which the field exchanges them."""
+"""A camera trajectory, and TUM's text format for it."""
 
 from __future__ import annotations
 
@@ -32,12 +32,12 @@ class Trajectory:
 
     @classmethod
     def of_rows(cls, rows: Floats) -> Trajectory:
-        """Of the numbers of TUM's lines [N,8]."""
+        """Creates a trajectory from rows in TUM's order [N,8]."""
         return cls(rows[:, 0].copy(), rows[:, 1:4].copy(), rows[:, 4:8].copy())
 
     @classmethod
     def of_matrices(cls, stamps_s: Floats, matrices: Floats) -> Trajectory:
-        """Of camera-to-world matrices [N,3,4] or [N,4,4]."""
+        """Creates a trajectory from camera-to-world matrices [N,3,4] or [N,4,4]."""
         quaternions = np.array([_quaternion(matrix[:3, :3]) for matrix in matrices])
         return cls(stamps_s, matrices[:, :3, 3], quaternions)
 
@@ -49,27 +49,27 @@ class Trajectory:
         return f"Trajectory(poses={len(self)}, seconds={lasts_s:.1f})"
 
     def rows(self) -> Floats:
-        """The numbers of TUM's lines [N,8]."""
+        """Returns rows in TUM's order [N,8]."""
         return np.column_stack([self.stamps_s, self.positions_m, self.quaternions_xyzw])
 
     def take(self, indices: NDArray[np.intp]) -> Trajectory:
-        """The poses at these indices, in this order."""
+        """Returns the poses at these indices, in this order."""
         return Trajectory(
             self.stamps_s[indices], self.positions_m[indices], self.quaternions_xyzw[indices]
         )
 
     def scaled(self, factor: float) -> Trajectory:
-        """The same path in another unit of length."""
+        """Returns the path with scaled positions."""
         return Trajectory(self.stamps_s, factor * self.positions_m, self.quaternions_xyzw)
 
     def rotations(self) -> Rotation:
-        """All orientations; quaternions are normalized by scipy."""
-        from scipy.spatial.transform import Rotation  # takes long to load, reading needs none
+        """Returns all orientations; scipy normalizes the quaternions."""
+        from scipy.spatial.transform import Rotation  # slow to import, and not needed for reading
 
         return Rotation.from_quat(self.quaternions_xyzw)
 
     def length_m(self) -> float:
-        """Length of the path."""
+        """Returns the length of the path."""
         return float(np.linalg.norm(np.diff(self.positions_m, axis=0), axis=1).sum())
 
 
@@ -77,10 +77,10 @@ EMPTY = Trajectory(np.zeros(0), np.zeros((0, 3)), np.zeros((0, 4)))
 
 
 def read_tum(path: Path) -> Trajectory:
-    """Reads `time tx ty tz qx qy qz qw` lines; '#' starts a comment; sorted by time, whatever
-    repeats is kept, quaternions are as they are written.
+    """Reads `time tx ty tz qx qy qz qw` lines sorted by time; '#' starts a comment. Duplicates are
+    kept, and quaternions are not normalized.
 
-    Raises SlambedError when a line is not eight finite numbers or a quaternion is zero.
+    Raises SlambedError if a line is not eight finite numbers or a quaternion is zero.
     """
     rows = _read_rows(path)
     if len(rows) == 0:
@@ -91,8 +91,9 @@ def read_tum(path: Path) -> Trajectory:
 
 
 def read_groundtruth(path: Path) -> Trajectory:
-    """Like read_tum, for what others are measured by: times strictly increase (of lines with the
-    same time, of which TUM's have a few, the first), quaternions of length 1, not empty."""
+    """Like read_tum, but for ground truth: times strictly increase (of lines with the same time,
+    which occur in TUM's files, the first is kept), quaternions are normalized, and the file must
+    not be empty."""
     found = read_tum(path)
     if not len(found):
         raise SlambedError(f"{path}: no pose in it; {EXPECTED}")
@@ -102,7 +103,7 @@ def read_groundtruth(path: Path) -> Trajectory:
 
 
 def write_tum(path: Path, trajectory: Trajectory) -> None:
-    """Writes TUM's format: microseconds, micrometers, 1e-9 of a quaternion."""
+    """Writes TUM's format with precision 1 us, 1 um, and 1e-9 for quaternions."""
     lines = ["# timestamp tx ty tz qx qy qz qw (camera to world)"]
     for row in trajectory.rows():
         position = " ".join(f"{value:.6f}" for value in row[1:4])
@@ -112,7 +113,7 @@ def write_tum(path: Path, trajectory: Trajectory) -> None:
 
 
 def _read_rows(path: Path) -> Floats:
-    """The numbers of the file; says file and line when one is not."""
+    """Returns the numbers of the file; errors name file and line."""
     lines = read_lines(path)
     if (plain := _plain_rows(lines)) is not None:
         return plain
@@ -121,8 +122,8 @@ def _read_rows(path: Path) -> Floats:
 
 
 def _plain_rows(lines: list[str]) -> Floats | None:
-    """Of a file as programs write it, at once; None of one that has to be looked at line by line:
-    with commas, wrong numbers, or nothing in it."""
+    """Parses a regular file at once; returns None for a file that must be parsed by line: with
+    commas, malformed numbers, or no rows."""
     if not any(line and line[0] != "#" for line in lines):
         return None
     try:
@@ -133,7 +134,8 @@ def _plain_rows(lines: list[str]) -> Floats | None:
 
 
 def _quaternion(rotation: Floats) -> Floats:
-    """Unit quaternion (x, y, z, w) of a rotation matrix: eigenvector form (Bar-Itzhack 2000)."""
+    """Returns the unit quaternion (x, y, z, w) of a rotation matrix: eigenvector form
+    (Bar-Itzhack 2000)."""
     r = rotation
     k = np.array(
         [

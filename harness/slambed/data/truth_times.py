@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Whether ground truth belongs to the frames of a recording: reported before anything is run."""
+"""Checks during preparation whether ground truth belongs to the frames of a recording."""
 
 from __future__ import annotations
 
@@ -14,9 +14,9 @@ from slambed.data.stamps import NS_PER, UNIT_NAMES
 from slambed.data.trajectory import Trajectory
 from slambed.errors import SlambedError
 
-#: As many pairs are needed to align two paths.
+#: The number of pairs needed to align two paths.
 _FEWEST_PAIRS = 3
-#: Of less of the frames with a pose it is reported.
+#: A smaller share of frames with a pose is reported.
 _USUAL_SHARE = 0.5
 
 Floats = NDArray[np.float64]
@@ -25,9 +25,9 @@ Floats = NDArray[np.float64]
 def fitting_truth(
     times_ns: Sequence[int], truth: Trajectory, where: str
 ) -> tuple[Trajectory, list[str]]:
-    """The truth in seconds, and what should be reported about it.
+    """Returns the ground truth in seconds, and remarks on it.
 
-    Raises SlambedError where no frame has a pose near it.
+    Raises SlambedError if no frame has a pose close to its time.
     """
     frames_s = np.array(times_ns, dtype=np.float64) * 1e-9
     for unit, ns in NS_PER.items():

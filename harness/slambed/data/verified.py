@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Prepared sequences whose every frame was read against its checksum a short while ago.
+"""Records which prepared sequences were recently verified against their checksums.
 
-To read a gigabyte takes a second or two of every campaign's start.
+Reading a gigabyte would add a second or two to every campaign's start.
 """
 
 import hashlib
@@ -14,20 +14,20 @@ from slambed.data.prepared import FRAMES_FILE, PreparedSequence
 
 FOLDER = "verified"
 AGAIN_S = 24 * 3600.0
-"""Disks forget without a file looking changed: after so long all is read again."""
+"""Disks may lose data without a visible change, so files are verified again after this time."""
 
 
 def verify_once(sequence: PreparedSequence) -> None:
-    """Reads every frame against its CRC, unless that was done and the file is what it was then.
+    """Verifies the CRC of every frame, unless that was done recently and the file is unchanged.
 
-    Raises SlambedError when the content is damaged.
+    Raises SlambedError for damaged content.
     """
     mark = cache_folder() / FOLDER / _content(sequence)
     if _is_fresh(mark):
         sequence.verify(full=False)
         return
     sequence.verify(full=True)
-    with suppress(OSError):  # then the next campaign reads it again
+    with suppress(OSError):  # on failure the next campaign verifies again
         mark.parent.mkdir(parents=True, exist_ok=True)
         for old in mark.parent.iterdir():
             if not _is_fresh(old):
@@ -36,7 +36,7 @@ def verify_once(sequence: PreparedSequence) -> None:
 
 
 def _content(sequence: PreparedSequence) -> str:
-    """Changes with whatever is written to the frames, or in their place."""
+    """Returns a hash that changes if the frames file is modified or replaced."""
     frames = (sequence.path / FRAMES_FILE).resolve()
     now = frames.stat()
     facts = (frames, sequence.checksum, now.st_dev, now.st_ino, now.st_size, now.st_mtime_ns)

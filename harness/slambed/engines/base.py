@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What an engine is: it holds a node before its first instruction, lets it go, and ends it."""
+"""The interface of engines: an engine holds a node before its first instruction, releases it,
+and ends it."""
 
 import os
 import select
@@ -19,131 +20,133 @@ from slambed.spec.runtime import Runtime
 from slambed.spec.system import Role
 
 LABEL = "slambed"
-"""Containers carry this label, control groups live under this name."""
+"""Label of containers and name of the parent cgroup."""
 NODE_UID = 10001
-"""Owner of a node's process and of what it writes: nobody on the host has this number."""
+"""User id of a node's process and owner of its output: no user on the host has this id."""
 
 
 @dataclass(frozen=True)
 class NodePlan:
-    """One node as the engine needs it."""
+    """One node as the engine starts it."""
 
     role: Role
     run_key: str
     run_dir: Path
-    """On the host; the node finds it at `engine.output_path`."""
+    """Path on the host; the node finds it at `engine.output_path`."""
     sequence: Path
     limits: Limits
     cpus: list[int]
-    """Host CPUs the node may use."""
+    """Host CPUs that the node may use."""
     dies: bool = False
-    """It will be killed on purpose: its network namespace has to outlive it."""
+    """It will be killed on purpose, so its network namespace must outlive it."""
     runtime: Runtime | None = None
-    """Of a system that is a program of its own."""
+    """For a system with its own program."""
     system_folder: Path | None = None
-    """Where that lies on the host."""
+    """Folder of that system on the host."""
     frames: Path | None = None
-    """The recorded folder, on the host, of a system that reads one."""
+    """Recorded folder on the host, for a system that reads one."""
     host_network: bool = False
-    """It is in the network of the host, so that another machine reaches it."""
+    """It uses the network of the host, so that another machine can reach it."""
 
 
 EDGE_CONFIG = "run_edge.json"
 
 
 def config_name(plan: NodePlan) -> str:
-    """The node's run configuration: the edge has one of its own where files are for it alone."""
+    """Returns the name of the node's run configuration; the edge has its own file if only it
+    needs some files."""
     own = plan.role == "edge" and (plan.run_dir / EDGE_CONFIG).is_file()
     return EDGE_CONFIG if own else "run.json"
 
 
 class Node(Protocol):
-    """A node that an engine started; it waits at the start barrier until `release`."""
+    """A node started by an engine; it waits at the start barrier until `release`."""
 
     role: Role
     pid: int
-    """On its machine."""
+    """Process id on its machine."""
     namespace: Path
-    """Its network namespace, as the sidecars of the run find it; of a node on another machine
-    the one that leads there."""
+    """Its network namespace as seen by the sidecars of the run. For a node on another machine,
+    the namespace that leads to it."""
     granted: Granted
 
     def release(self) -> None:
         """Opens the start barrier: the program starts."""
 
     def exit_code(self) -> int | None:
-        """None while it runs; negative for a signal."""
+        """Returns None while it runs; negative for a signal."""
 
     def out_of_memory(self) -> bool:
-        """True when the kernel ended it because of its memory limit."""
+        """Returns True if the kernel killed it for exceeding its memory limit."""
 
     def ask_to_stop(self) -> None:
-        """SIGTERM: finish early, write everything."""
+        """Sends SIGTERM: the node finishes early and writes all files."""
 
     def kill(self) -> None:
-        """SIGKILL, and waits for the end."""
+        """Sends SIGKILL and waits for the end."""
 
     def freeze(self, frozen: bool) -> None:
-        """Its processes stand still, or go on; the kernel's TCP goes on without them."""
+        """Freezes or continues its processes; the kernel's TCP stack keeps running."""
 
     def remove(self) -> None:
-        """Removes every trace but the output files; calling it twice is harmless."""
+        """Removes everything but the output files; safe to call twice."""
 
 
 class Sidecar(Protocol):
-    """The sidecar of the nodes while they run: caps of threads and metronome from its making on,
-    samples from `start` to `stop`."""
+    """The sidecar of the running nodes: thread caps and metronome from its creation on, samples
+    from `start` to `stop`."""
 
     def start(self, t0_ns: int) -> None:
-        """Begins to sample; run time = CLOCK_MONOTONIC - t0_ns."""
+        """Starts sampling; run time = CLOCK_MONOTONIC - t0_ns."""
 
     def follow(self, role: Role, node: Node) -> None:
-        """The node's program was started again."""
+        """Switches to the restarted program of a node."""
 
     def stop(self) -> Stopped:
-        """What was seen; ends after one last sample. Calling it again returns the same."""
+        """Takes one last sample, ends, and returns the results. Calling it again returns the
+        same results."""
 
     def close(self) -> None:
         """Ends without a report; harmless after `stop`."""
 
 
 class SegmenterSidecar(Protocol):
-    """A segmenter process of a run."""
+    """The segmenter process of a run."""
 
     def await_ready(self, stopped: Callable[[], bool]) -> None:
-        """Returns when it answers, or when somebody stopped the run. Raises SlambedError, in a
-        line, for a network that cannot be loaded."""
+        """Returns when it is ready or the run was stopped. Raises a one-line SlambedError for a
+        network that cannot be loaded."""
 
     def ended(self) -> str | None:
-        """How it ended by itself or by somebody else, in words; None while it lives."""
+        """Returns how it ended on its own or was killed; None while it runs."""
 
     def is_ready(self) -> bool:
-        """Whether it answers; does not wait for it."""
+        """Returns whether it is ready, without waiting."""
 
     def close(self) -> float | None:
-        """Ends it; the CPU seconds that it took, None where it could not report any more. Calling
-        it twice is harmless."""
+        """Ends it and returns its CPU seconds; None if it could not report them. Safe to call
+        twice."""
 
 
 class Engine(Protocol):
-    """A way to run two nodes: on this host, or one of them on another."""
+    """Runs two nodes on this host, or one of them on another machine."""
 
     name: str
     unprivileged: bool
-    """True when this process is not root: then helper containers do what needs privileges."""
+    """True without root privileges; helper containers then do privileged work."""
     edge_address: str
-    """Where the edge listens, and the mobile node looks for it."""
+    """Address at which the edge listens and the mobile node connects."""
     start_ahead_s: float
-    """How long before run time 0 the nodes are given it."""
+    """How long before run time 0 the nodes receive the start time."""
 
     def sequence_path(self, sequence: Path, role: Role) -> str:
-        """Where a node finds the sequence."""
+        """Returns the path of the sequence as the node sees it."""
 
     def output_path(self, run_dir: Path, role: Role) -> str:
-        """Where a node finds its output folder."""
+        """Returns the path of the output folder as the node sees it."""
 
     def allot(self, limits: dict[Role, Limits]) -> dict[Role, list[int]]:
-        """The CPUs of each node, on whatever machine it is."""
+        """Returns the CPUs of each node on its machine."""
 
     def start_sidecar(
         self,
@@ -153,55 +156,55 @@ class Engine(Protocol):
         run_dir: Path,
         whole_groups: bool,
     ) -> Sidecar:
-        """The sidecar of these nodes, which are at the start barrier. `whole_groups`: a node may be
-        several processes, all of its control group."""
+        """Starts the sidecar of these nodes, which wait at the start barrier. `whole_groups`: a
+        node may consist of all processes in its cgroup."""
 
     def send_start(self, run_dir: Path, t0_ns: int) -> None:
         """Writes `start.json` for the nodes: run time 0 on CLOCK_MONOTONIC of this host."""
 
     def board_facts(self) -> BoardFacts | None:
-        """Of the run that has just ended: the board that its mobile node was on."""
+        """Returns the facts about the board of the mobile node in the run that has just ended."""
 
     def describe(self) -> EngineFacts:
-        """For the manifest: image id and the like."""
+        """Returns facts for the manifest, such as the image id."""
 
     def image_ids(self, runtime: Runtime, system: str) -> dict[str, str]:
-        """Role -> id of the image that a program of its own gets; empty without containers."""
+        """Returns role -> image id of a system with its own program; empty without containers."""
 
     def start(self, plan: NodePlan) -> Node:
-        """Brings the node to the start barrier: namespaces and limits in place, program not
-        started."""
+        """Starts the node up to the start barrier: namespaces and limits are in place, the
+        program has not started."""
 
     def start_again(self, plan: NodePlan, dead: Node) -> Node:
-        """The program of a killed node that `dies`, in the same namespace, with the same limits,
-        past the start barrier."""
+        """Restarts the program of a killed node that `dies`, in the same namespace and with the
+        same limits, past the start barrier."""
 
     def start_segmenter(self, plan: NodePlan, edge: Node, network: str) -> SegmenterSidecar:
-        """A segmenter beside the edge node of this plan, which is at the start barrier, with
-        nothing but a socket to the world."""
+        """Starts a segmenter next to the edge node of this plan, which waits at the start
+        barrier. Its only connection is a socket."""
 
     def sidecar_command(self, module: str, writable: list[Path]) -> list[str]:
-        """The command that runs a module of slambed as a sidecar of the nodes that are started,
-        with what it needs of privileges; it may write to these files and folders."""
+        """Returns the command that runs a module of slambed as a sidecar of the running nodes,
+        with the privileges it needs. It may write to these files and folders."""
 
 
 def netns(pid: int) -> Path:
-    """The network namespace of a process."""
+    """Returns the network namespace of a process."""
     return Path(f"/proc/{pid}/ns/net")
 
 
 class ProcessWatch:
-    """Knows whether a process is alive, even if its number was given to another one since."""
+    """Watches whether a process is alive, even if its process id has been reused."""
 
     def __init__(self, pid: int) -> None:
         self._fd = os.pidfd_open(pid)
 
     def alive(self) -> bool:
-        """False once the process has ended."""
+        """Returns False once the process has ended."""
         return not select.select([self._fd], [], [], 0)[0]
 
     def wait(self, timeout_s: float) -> bool:
-        """True when it ended within the time."""
+        """Returns whether it ended within the time."""
         return bool(select.select([self._fd], [], [], timeout_s)[0])
 
     def signal(self, number: int) -> None:
@@ -212,17 +215,17 @@ class ProcessWatch:
             return
 
     def close(self) -> None:
-        """Gives the descriptor back."""
+        """Closes the descriptor."""
         if self._fd >= 0:
             os.close(self._fd)
             self._fd = -1
 
 
 def differences(limits: Limits, granted: Granted, cpus: list[int]) -> list[str]:
-    """What the kernel granted otherwise than asked; empty when all is as it should be."""
+    """Lists differences between configured and granted limits; empty if there are none."""
     found: list[str] = []
     quota = limits.quota_cores
-    # The kernel keeps whole microseconds of quota per period.
+    # The kernel stores the quota per period in whole microseconds.
     slack = 2e-3 / limits.period_ms
     if (quota is None) != (granted.quota_cores is None) or (
         quota is not None
@@ -238,7 +241,7 @@ def differences(limits: Limits, granted: Granted, cpus: list[int]) -> list[str]:
 
 
 def thread_invalid_reasons(role: str, threads: list[ThreadCap], limits: Limits) -> list[str]:
-    """What is wrong with the caps of a node's threads, as the kernel granted them."""
+    """Lists the threads of a node whose caps are missing or wrong."""
     if not threads:
         return [f"{role}: no thread was capped"]
     slack = 2e-3 / limits.period_ms
@@ -251,7 +254,7 @@ def thread_invalid_reasons(role: str, threads: list[ThreadCap], limits: Limits) 
 
 
 def parse_cpus(text: str) -> list[int]:
-    """CPU numbers of a kernel list such as `0-2,5`."""
+    """Parses CPU numbers from a kernel list such as `0-2,5`."""
     numbers: list[int] = []
     for part in filter(None, text.split(",")):
         first, _, last = part.partition("-")
@@ -260,9 +263,9 @@ def parse_cpus(text: str) -> list[int]:
 
 
 def allot_cpus(mobile: Limits, edge: Limits | None, host: list[int]) -> dict[Role, list[int]]:
-    """CPUs of each node. They are kept apart where the host has enough; else they share.
+    """Returns the CPUs of each node: separate if the host has enough, otherwise shared.
 
-    The mobile node takes the first CPUs, the edge node the last ones.
+    The mobile node takes the first CPUs, the edge the last ones.
     """
     host = sorted(host)
     allotted: dict[Role, list[int]] = {"mobile": host[: mobile.cores or len(host)]}
@@ -272,7 +275,7 @@ def allot_cpus(mobile: Limits, edge: Limits | None, host: list[int]) -> dict[Rol
 
 
 def last_line(path: Path) -> str:
-    """Last line of a log; an `error:` line is preferred."""
+    """Returns the last line of a log, preferring one that starts with `error:`."""
     try:
         lines = path.read_text(errors="replace").strip().splitlines()
     except OSError:

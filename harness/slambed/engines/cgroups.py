@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Makes and removes the control groups of the local engine: slambed/<run key>-<role>."""
+"""Creates and removes the cgroups of the local engine: slambed/<run key>-<role>."""
 
 import contextlib
 import os
@@ -14,14 +14,14 @@ from slambed.sampling.cgroup import CONTROLLERS, CgroupPaths, hierarchies, mount
 from slambed.spec.device import Limits
 
 V1_LARGEST_SHARES, V2_LARGEST_WEIGHT = 262144, 10000
-"""Of all nodes together, against whatever else the host does: a run is what it is there for."""
+"""Weight of all nodes together against the rest of the host: a run has priority."""
 V2_CONTROLLERS = ("cpu", "cpuset", "memory")
 REMOVE_TRIES = 100
 REMOVE_PAUSE_S = 0.02
 
 
 class CgroupMaker:
-    """Control groups below the given mounts (those of this host unless given otherwise)."""
+    """cgroups below the given mounts (by default those of this host)."""
 
     def __init__(
         self, v1: dict[str, Path] | None = None, v2: Path | None = None, found: bool = True
@@ -37,7 +37,7 @@ class CgroupMaker:
         return "cpu" in self.v1
 
     def make(self, name: str, limits: Limits, cpus: list[int]) -> CgroupPaths:
-        """A group with the limits in force, still without a process."""
+        """Creates an empty cgroup with these limits."""
         try:
             return (
                 self._make_v1(name, limits, cpus)
@@ -77,7 +77,7 @@ class CgroupMaker:
         parent = self.v2 / LABEL
         parent.mkdir(exist_ok=True)
         folder = parent / name
-        # A kernel for one CPU has no cpuset; what is missing shows when limits are read back.
+        # A kernel for one CPU has no cpuset; a missing limit is noticed when limits are read back.
         offered = (self.v2 / "cgroup.controllers").read_text().split()
         for level in (self.v2, parent):
             for controller in V2_CONTROLLERS:
@@ -95,7 +95,7 @@ class CgroupMaker:
         return paths
 
     def leftovers(self) -> Iterator[Path]:
-        """Every group folder of ours, children before parents."""
+        """Yields all our cgroup folders, children before parents."""
         for mount in sorted(self._everywhere):
             top = mount / LABEL
             if top.is_dir():
@@ -104,33 +104,33 @@ class CgroupMaker:
 
 
 def put_before_others(paths: CgroupPaths) -> None:
-    """Gives the group of all nodes the largest share, if this node's group is in it."""
+    """Gives the parent cgroup of all nodes the largest weight, if this node is in it."""
     for folder, file, largest in (
         (paths.v1("cpu"), "cpu.shares", V1_LARGEST_SHARES),
         (paths.unified, "cpu.weight", V2_LARGEST_WEIGHT),
     ):
         if folder is not None and folder.parent.name == LABEL:
             share = folder.parent / file
-            # On a host with both, the v2 tree has no cpu controller.
+            # On a hybrid host the v2 tree has no cpu controller.
             if share.exists():
                 share.write_text(str(largest))
 
 
 def entry_files(paths: CgroupPaths) -> list[Path]:
-    """The files a process writes its number to, to join."""
+    """Returns the files to which a process writes its id to join."""
     folders = {*paths.folders.values(), *([paths.unified] if paths.unified else [])}
     return sorted(folder / "cgroup.procs" for folder in folders)
 
 
 def below(folder: Path) -> list[Path]:
-    """Groups inside a group, children before parents."""
+    """Returns the cgroups inside a cgroup, children before parents."""
     found = [path for path in folder.rglob("*") if path.is_dir()]
     return sorted(found, key=lambda path: (-len(path.parts), path))
 
 
 def remove(folder: Path) -> bool:
-    """Kills what is left in a group and its children and removes them; False when the kernel
-    keeps it."""
+    """Kills the remaining processes in a cgroup and its children and removes it; False if the
+    kernel refuses."""
     if folder.is_dir() and not all([remove(child) for child in below(folder)]):
         return False
     for _ in range(REMOVE_TRIES):
@@ -148,7 +148,7 @@ def remove(folder: Path) -> bool:
 def _kill_members(folder: Path) -> None:
     with contextlib.suppress(OSError):
         for pid in map(int, (folder / "cgroup.procs").read_text().split()):
-            # 0 stands for a process of another PID namespace; kill(0) would mean ourselves.
+            # 0 stands for a process in another PID namespace; kill(0) would signal our own group.
             if pid > 0:
                 with contextlib.suppress(ProcessLookupError, PermissionError):
                     os.kill(pid, signal.SIGKILL)
@@ -162,7 +162,7 @@ def _quota(limits: Limits) -> tuple[int, int | None]:
 
 
 def _fill_cpuset(folder: Path, cpus: list[int] | None) -> None:
-    """A v1 cpuset takes no process before both files are written; mems comes first."""
+    """Both files must be written before a v1 cpuset accepts a process; mems comes first."""
     above = folder.parent
     (folder / "cpuset.mems").write_text((above / "cpuset.mems").read_text())
     text = ",".join(map(str, cpus)) if cpus else (above / "cpuset.cpus").read_text()

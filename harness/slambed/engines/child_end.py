@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Waiting for the end of a child without looking again and again whether it has come."""
+"""Waits for the end of a child without polling."""
 
 import os
 import select
@@ -10,14 +10,15 @@ from contextlib import contextmanager
 
 @contextmanager
 def end_of(child: subprocess.Popen[bytes]) -> Iterator[Callable[[float], int | None]]:
-    """A function that waits so many seconds at most; it returns the exit code, None before the end.
+    """Yields a function that waits up to a number of seconds and returns the exit code, None before
+    the end.
 
-    By a pidfd (Linux 5.3), which the kernel makes readable with the end; `Popen.wait` with a
-    timeout wakes up a hundred times per second instead.
+    It uses a pidfd (Linux 5.3), which becomes readable when the process ends; `Popen.wait` with a
+    timeout polls many times per second instead.
     """
     try:
         handle = os.pidfd_open(child.pid)
-    except OSError:  # an older kernel, or one that does not let us
+    except OSError:  # an older kernel, or no permission
         yield lambda timeout_s: _wait(child, timeout_s)
         return
     ended = select.poll()

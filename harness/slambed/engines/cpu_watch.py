@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""How long a child may compute: CPU time, so that a slow or busy host changes no outcome."""
+"""Limits the CPU time of a child, so that a slow or busy host does not change the outcome."""
 
 import time
 from dataclasses import dataclass, field
@@ -9,14 +9,14 @@ import psutil
 from slambed.errors import PassingError
 
 IDLE_LIMIT_S = 300.0
-"""Wall clock. Thirty jobs on one core still leave each ten seconds of it."""
+"""Wall-clock time; with thirty jobs on one core each still gets 10 s of CPU time."""
 IDLE_CPU_S = 0.5
-"""A process that took less CPU time within IDLE_LIMIT_S does not compute."""
+"""A process that used less CPU time within IDLE_LIMIT_S is idle."""
 
 
 @dataclass
 class CpuWatch:
-    """Looks at a child that nobody has waited for yet: its number is surely its own."""
+    """Watches a child that has not been waited for, so that its process id cannot be reused."""
 
     pid: int
     name: str
@@ -27,8 +27,8 @@ class CpuWatch:
     _cpu_then_s: float = 0.0
 
     def spent(self) -> bool:
-        """Whether it computed longer than it may. PassingError when it stands still: stopped, shut
-        out by the host or waiting for something says nothing about how much it had to compute."""
+        """Returns whether it exceeded its CPU time. Raises PassingError if it is idle: a process
+        that is stopped, starved or waiting says nothing about its computing time."""
         times = psutil.Process(self.pid).cpu_times()
         cpu_s = times.user + times.system
         if cpu_s > self.limit_s:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Engine `docker`: two containers of one image, without a network of their own."""
+"""Engine `docker`: two containers of one image, without network access."""
 
 import contextlib
 import os
@@ -37,14 +37,14 @@ from slambed.spec.system import Role
 
 OUTPUT, SEQUENCE = "/out", "/sequence"
 START_BARRIER = "/out/go"
-# The shell waits for the link to be up, then becomes the program.
+# The shell waits for the start barrier, then replaces itself with the program.
 WAIT_AT_BARRIER = f'until [ -e {START_BARRIER} ]; do sleep 0.02; done; exec "$0" "$@"'
 PIDS_LIMIT = 256
 KILL_TIMEOUT_S = 10
 
 
 class DockerNode:
-    """A running container whose shell waits at the start barrier, then is the node."""
+    """A running container whose shell waits at the start barrier and then becomes the node."""
 
     def __init__(
         self,
@@ -59,10 +59,10 @@ class DockerNode:
         self.pid = pid
         self.namespace = namespace
         self.sandbox = str((keeper or container).attrs["NetworkSettings"]["SandboxKey"])
-        """The file by which the daemon keeps the network namespace."""
+        """File through which the daemon holds the network namespace."""
         self.container = container
         self.several_processes = False
-        """The node is a program of its own behind its player."""
+        """True for a system with its own program, which runs next to slambed-play."""
         self.keeper = keeper
         """The container whose network this one uses, if it will be killed."""
         self._run_dir = run_dir
@@ -73,37 +73,35 @@ class DockerNode:
         self._removed = False
 
     def release(self) -> None:
-        """Opens the start barrier (of both containers: they share the output folder)."""
+        """Opens the start barrier of both containers, which share the output folder."""
         (self._run_dir / "go").touch()
 
     def exit_code(self) -> int | None:
-        """None while it runs; the daemon is asked only once the process has ended."""
+        """Returns None while it runs; asks the daemon only once the process has ended."""
         if self._code is None and not self._watch.alive():
-            # A daemon that does not know is no end of the node: then there is no result.
+            # An unknown exit code does not count as a result of the node: the error propagates.
             self._code = int(self.container.wait(timeout=KILL_TIMEOUT_S)["StatusCode"])
             self._write_log()
         return self._code
 
     def out_of_memory(self) -> bool:
-        """As the daemon saw it."""
+        """Returns the daemon's verdict."""
         self.container.reload()
         return bool(self.container.attrs["State"]["OOMKilled"])
 
     def ask_to_stop(self) -> None:
-        """SIGTERM."""
         with contextlib.suppress(APIError):
             self.container.kill("SIGTERM")
 
     def kill(self) -> None:
-        """SIGKILL."""
         if self._watch.alive():
             with contextlib.suppress(APIError):
                 self.container.kill("SIGKILL")
             self._watch.wait(KILL_TIMEOUT_S)
 
     def freeze(self, frozen: bool) -> None:
-        """SIGSTOP or SIGCONT; to several processes it would come one after the other, so that the
-        kernel's freezer holds those."""
+        """Sends SIGSTOP or SIGCONT. Several processes would receive it one after the other, so
+        these are frozen by the kernel's freezer."""
         with contextlib.suppress(APIError):
             if self.several_processes:
                 (self.container.pause if frozen else self.container.unpause)()
@@ -111,7 +109,7 @@ class DockerNode:
                 self.container.kill("SIGSTOP" if frozen else "SIGCONT")
 
     def remove(self) -> None:
-        """Removes the container, and the one that kept its network."""
+        """Removes the container, and the one that held its network."""
         if self._removed:
             return
         self._removed = True
@@ -123,7 +121,7 @@ class DockerNode:
                 removals.callback(_remove, container)
 
     def give_up(self) -> None:
-        """Another node object has the container from now on."""
+        """Hands the container over to another node object."""
         self._removed = True
         self._watch.close()
 
@@ -133,8 +131,8 @@ class DockerNode:
 
 
 class DockerEngine(ThisHostEngine):
-    """Runs nodes in containers of a daemon on this host. Who is not root needs to be in the group
-    docker; helper containers then make the link and the limits of threads."""
+    """Runs nodes in containers of a daemon on this host. Without root privileges this needs
+    membership in the group docker; helper containers then set up the link and thread limits."""
 
     name = "docker"
 
@@ -145,15 +143,15 @@ class DockerEngine(ThisHostEngine):
         program: str = "slambed-node",
         for_questions: bool = False,
     ) -> None:
-        """`for_questions`: it will start nothing, so that no image needs to be there."""
+        """`for_questions`: it only answers queries and needs no image."""
         self._client = client or connect()
         self.unprivileged = not is_root()
         self._parent: str | None = None
-        """The control group of all nodes, once the daemon has said that it can make it."""
+        """Parent cgroup of all nodes, once the daemon has confirmed that it can create it."""
         self._program = program
         self._nodes: dict[Role, DockerNode] = {}
         self._ids: dict[str, str] = {}
-        """Of images of others, as the campaign began."""
+        """Image name -> id of the systems' own images, when the campaign began."""
         self._run_key = ""
         self._for_questions = for_questions
         self._image = image or find_image(self._client)
@@ -161,20 +159,20 @@ class DockerEngine(ThisHostEngine):
             raise environment_error(f"image {image_tag()} is not built; run 'make images'")
 
     def sequence_path(self, sequence: Path, role: Role) -> str:
-        """Where the sequence is mounted."""
+        """Mount point of the sequence."""
         return SEQUENCE
 
     def output_path(self, run_dir: Path, role: Role) -> str:
-        """Where the run folder is mounted."""
+        """Mount point of the run folder."""
         return OUTPUT
 
     def describe(self) -> EngineFacts:
-        """The image, by tag and id."""
+        """Tag and id of the image."""
         assert self._image is not None
         return EngineFacts(image=next(iter(self._image.tags), None), image_id=self._image.id)
 
     def image_ids(self, runtime: Runtime, system: str) -> dict[str, str]:
-        """As the daemon knows them now: a name may be given to another image tomorrow."""
+        """Returns current ids: a name may refer to another image later."""
         found: dict[str, str] = {}
         for role in ("mobile", "edge") if runtime.edge is not None else ("mobile",):
             if not (name := runtime.image_of(role)):
@@ -190,14 +188,14 @@ class DockerEngine(ThisHostEngine):
                         f"system {system}: there is no image {name} on this host; build it as the "
                         "system's README says"
                     ) from None
-        # A question starts no container, which is what it takes to see a GPU.
+        # A query starts no container, which would be needed to test for a GPU.
         for gpu in runtime.gpus if not self._for_questions else ():
             assert self._image is not None
             must_give_gpu(self._client, str(self._image.id), gpu, system)
         return found
 
     def start(self, plan: NodePlan) -> Node:
-        """A container at the start barrier."""
+        """Creates a container at the start barrier."""
         role_dir = plan.run_dir / plan.role
         role_dir.mkdir(parents=True, exist_ok=True)
         foreign_user = plan.runtime is not None and bool(plan.runtime.of(plan.role).user)
@@ -223,7 +221,7 @@ class DockerEngine(ThisHostEngine):
             raise
 
     def start_again(self, plan: NodePlan, dead: Node) -> Node:
-        """The same container: the start barrier is open, its network was kept."""
+        """Restarts the same container: its start barrier is open, and its network still exists."""
         assert isinstance(dead, DockerNode)
         with daemon_failures(f"start the {plan.role} node again"):
             node = self._node(plan, dead.container, dead.keeper)
@@ -231,7 +229,7 @@ class DockerEngine(ThisHostEngine):
         return node
 
     def start_segmenter(self, plan: NodePlan, edge: Node, network: str) -> SegmenterSidecar:
-        """A container beside the edge's."""
+        """Starts a container next to the edge's."""
         with daemon_failures("start the segmenter"):
             return start_segmenter(self._client, self._image, plan, edge.pid, network)
 
@@ -239,7 +237,7 @@ class DockerEngine(ThisHostEngine):
         try:
             return self._waiting(plan, container, keeper)
         except OSError:
-            # At the start barrier it is a shell that waits: only somebody else ends that.
+            # A container at the start barrier is a waiting shell, which only ends if it is killed.
             raise KilledError(f"the container of the {plan.role} node was killed") from None
 
     def _waiting(self, plan: NodePlan, container: Any, keeper: Any | None) -> DockerNode:
@@ -254,7 +252,7 @@ class DockerEngine(ThisHostEngine):
         return node
 
     def sidecar_command(self, module: str, writable: list[Path]) -> list[str]:
-        """A child of this process where it is root, else a helper container."""
+        """Returns a child process command for root, otherwise a helper container."""
         if not self.unprivileged:
             return direct_command(module)
         assert self._image is not None
@@ -264,13 +262,14 @@ class DockerEngine(ThisHostEngine):
         return helper.command(module, writable)
 
     def _clear(self, name: str) -> str:
-        """The name, free again: the daemon may have been away when a failed attempt ended."""
+        """Makes the name available: the daemon may have been unreachable when a failed attempt
+        ended."""
         with contextlib.suppress(NotFound):
             self._client.containers.get(name).remove(force=True, v=True)
         return name
 
     def _create_keeper(self, plan: NodePlan) -> Any:
-        """A container that does nothing but keep a network namespace."""
+        """Creates a container that only holds a network namespace."""
         assert self._image is not None
         return self._client.containers.create(
             self._image.id,
@@ -341,7 +340,7 @@ def _remove(container: Any) -> None:
 
 
 def _started(container: Any) -> int:
-    """Starts it; the number of its process on this host."""
+    """Starts the container; returns its process id on this host."""
     container.start()
     container.reload()
     pid = int(container.attrs["State"]["Pid"])

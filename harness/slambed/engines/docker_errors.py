@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a failure of the Docker daemon means for a run: worth another try, or wrong for good."""
+"""Classifies failures of the Docker daemon: worth another try, or permanent."""
 
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -10,14 +10,14 @@ from requests.exceptions import RequestException
 from slambed.errors import PassingError, SlambedError, environment_error
 
 DAEMON_ERRORS = (DockerException, RequestException)
-"""The library hands on what `requests` raises: refused and lost connections, time-outs."""
+"""The library passes on errors of `requests`: refused and lost connections, timeouts."""
 GONE, CONFLICT = 404, 409
-"""A container that somebody removed, a name that a failed attempt left: both pass."""
+"""Temporary errors: a container that was removed, or a name in use by a failed attempt."""
 
 
 @contextmanager
 def daemon_failures(doing: str) -> Iterator[None]:
-    """Raises SlambedError in the place of the library's errors."""
+    """Converts the library's errors to SlambedError."""
     try:
         yield
     except DAEMON_ERRORS as error:
@@ -25,14 +25,14 @@ def daemon_failures(doing: str) -> Iterator[None]:
 
 
 def docker_error(error: Exception, doing: str) -> SlambedError:
-    """A request that the daemon understood and refused fails the next time too; that it did not
-    answer, or failed itself, may pass."""
+    """A request that the daemon refused will fail again; a missing answer or an error of the
+    daemon may be temporary."""
     if isinstance(error, APIError):
         code = getattr(error.response, "status_code", 500)
         line = f"Docker refused to {doing}: {error.explanation or error}"
         if code < 500 and code not in (GONE, CONFLICT):
             return environment_error(line)
         return PassingError(line)
-    # Of nested connection errors only the innermost says something.
+    # Only the innermost of nested connection errors is informative.
     reason = str(error).strip().splitlines()[:1] or [type(error).__name__]
     return PassingError(f"Docker did not answer, asked to {doing}: {reason[0]}")

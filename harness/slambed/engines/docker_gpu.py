@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""GPUs for containers of programs of others: `gpu` of their runtime, as in `docker run --gpus`."""
+"""GPUs for containers of systems with their own programs: `gpu` of their runtime, as in `docker
+run --gpus`."""
 
 import contextlib
 from typing import Any
@@ -14,11 +15,11 @@ from slambed.errors import environment_error
 from slambed.spec.runtime import Gpu
 
 ALL = -1
-"""Of Docker's API."""
+"""Value in Docker's API."""
 
 
 def gpu_options(gpu: Gpu | None) -> dict[str, Any]:
-    """Of the request that makes a container; nothing where no GPU is asked for."""
+    """Returns the GPU part of a container request; empty without a GPU."""
     if gpu is None:
         return {}
     if isinstance(gpu, list):
@@ -29,8 +30,8 @@ def gpu_options(gpu: Gpu | None) -> dict[str, Any]:
 
 
 def must_give_gpu(client: docker.DockerClient, image: str, gpu: Gpu, system: str) -> None:
-    """Tries it with a container of `image` that ends at once: what a daemon says of itself does not
-    report whether it gives GPUs. Raises SlambedError where it does not."""
+    """Tests GPU access with a container of `image` that ends at once, because the daemon does
+    not report it. Raises SlambedError without access."""
     with daemon_failures("make a container with a GPU"):
         container = client.containers.create(
             image,

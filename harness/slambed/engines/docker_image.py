@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The node image: named by the sources it is built from, so that a stale one is never used."""
+"""The node image, named by the hash of its sources so that an outdated one is never used."""
 
 import os
 import subprocess
@@ -17,12 +17,12 @@ REPOSITORY = "slambed-node"
 
 
 def image_tag() -> str:
-    """Tag of the image that belongs to the sources of this checkout."""
+    """Returns the tag of the image for the sources of this checkout."""
     return f"{REPOSITORY}:{source_hash()}"
 
 
 def connect() -> docker.DockerClient:
-    """A client of the daemon on this host."""
+    """Returns a client of the daemon on this host."""
     try:
         client = docker.from_env(timeout=60)
         client.ping()
@@ -32,7 +32,7 @@ def connect() -> docker.DockerClient:
 
 
 def advice(error: Exception) -> str:
-    """What to do about a daemon that does not answer."""
+    """Returns advice for an unreachable daemon."""
     if "permission" in str(error).lower():
         return "run with sudo or join the group docker"
     return "start the Docker daemon, or use --engine local"
@@ -48,7 +48,7 @@ def _reason(error: Exception) -> str:
 
 
 def find_image(client: docker.DockerClient) -> Any | None:
-    """The image of these sources, or None when it is not built."""
+    """Returns the image of these sources; None if it is not built."""
     with daemon_failures("look for the node image"):
         try:
             return client.images.get(image_tag())
@@ -57,7 +57,7 @@ def find_image(client: docker.DockerClient) -> Any | None:
 
 
 def build_image() -> None:
-    """`make images`: builds the image and its base where needed; output goes to the terminal."""
+    """Like `make images`: builds the image, and its base if needed; output goes to the terminal."""
     command = ["bash", str(repository_root() / "tools" / "build_image.sh"), image_tag()]
     environment = os.environ | {"SLAMBED_BUILD": str(build_folder())}
     if subprocess.run(command, check=False, env=environment).returncode != 0:

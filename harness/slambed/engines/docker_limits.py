@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A node's limits in the daemon's words."""
+"""A node's limits as options of Docker."""
 
 import contextlib
 from typing import Any
@@ -11,7 +11,7 @@ from slambed.engines.docker_errors import DAEMON_ERRORS
 
 
 def limits_of(plan: NodePlan) -> dict[str, Any]:
-    """As the daemon's API names them."""
+    """Returns the limits as arguments of the Docker API."""
     limits = plan.limits
     found: dict[str, Any] = {"cpuset_cpus": ",".join(map(str, plan.cpus))}
     if limits.quota_cores is not None:
@@ -23,7 +23,7 @@ def limits_of(plan: NodePlan) -> dict[str, Any]:
 
 
 def as_options(limits: dict[str, Any]) -> list[str]:
-    """The same for `docker run`."""
+    """Returns the same limits as options of `docker run`."""
     named = {"memory" if key == "mem_limit" else key: value for key, value in limits.items()}
     return [
         part for key, value in named.items() for part in (f"--{key.replace('_', '-')}", str(value))
@@ -31,11 +31,10 @@ def as_options(limits: dict[str, Any]) -> list[str]:
 
 
 def parent_group(client: docker.DockerClient) -> str | None:
-    """The group of engine `local`, where the daemon makes groups itself: what all nodes together
-    get against the rest of the host is settled there, and in the daemon's own it would be what one
-    process gets. Where systemd makes them, containers stay in its slices.
+    """Returns the parent cgroup of engine `local` if the daemon manages cgroups itself: its weight
+    gives the nodes priority over the rest of the host. With systemd, containers stay in its slices.
 
-    A daemon that does not answer will say so when it is to make the container.
+    An unreachable daemon is reported later, when a container is created.
     """
     with contextlib.suppress(*DAEMON_ERRORS):
         if client.info().get("CgroupDriver") == "cgroupfs":

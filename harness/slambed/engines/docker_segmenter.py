@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The segmenter beside an edge container: a container of its own with the Python of the host, bound
-in read-only, and nothing but a folder to the world."""
+"""The segmenter next to an edge container: a separate container with the host's Python mounted
+read-only and a shared folder as its only connection."""
 
 import contextlib
 import os
@@ -31,8 +31,8 @@ PIDS_LIMIT = 64
 
 
 def group_of_edge(client: docker.DockerClient, pid: int) -> str | None:
-    """The edge container's control group as a parent for another one. None where the daemon can
-    put none there: a v2 group with processes has no children, systemd wants a slice."""
+    """Returns the edge container's cgroup as a parent for another container. None if the daemon
+    cannot use it: a v2 cgroup with processes has no children, and systemd requires a slice."""
     info = client.info()
     if info.get("CgroupDriver") != "cgroupfs" or str(info.get("CgroupVersion")) != "1":
         return None
@@ -46,7 +46,7 @@ def group_of_edge(client: docker.DockerClient, pid: int) -> str | None:
 def start_segmenter(
     client: docker.DockerClient, image: Any, plan: NodePlan, edge_pid: int, network: str
 ) -> SegmenterProcess:
-    """In the edge's control group, or in one with the same limits."""
+    """Starts the segmenter in the edge's cgroup, or in one with the same limits."""
     folder = make_folder(plan.run_dir)
     name = f"{LABEL}-{plan.run_key}-segmenter"
 
@@ -64,8 +64,8 @@ def start_segmenter(
     ]
     if network.endswith(".yaml"):
         bound.append(Path(network).resolve())
-    # Files of the host that are closed to others are open to whoever runs this, without any
-    # capability; the edge is of the same group, which may use the socket.
+    # Runs as the harness's user, who can read the host's private files without capabilities. The
+    # edge is in the same user group, which may use the socket.
     user = f"{os.geteuid()}:{NODE_UID}"
     run = [
         *("docker", "run", "--interactive", "--rm", "--name", name),

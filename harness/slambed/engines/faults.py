@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Makes the faults of a run happen, and writes down when each began and was over.
+"""Injects the faults of a run and logs when each one began and ended.
 
-`faults.jsonl` in the run folder becomes events of the node `harness` (docs/formats.md).
+`faults.jsonl` in the run folder becomes events of the node `harness` (docs/reference/events.md).
 """
 
 import json
@@ -22,11 +22,11 @@ from slambed.spec.system import Role
 NS_PER_S = 1e9
 SIGNAL_TIMEOUT_S = 2.0
 LATE_S = 0.5
-"""A fault that comes later than this is not the one that was asked for."""
+"""A fault that is later than this makes the run invalid."""
 
 
 class Edge(Protocol):
-    """What can be done to the edge node of a run."""
+    """Actions on the edge node of a run."""
 
     def kill(self) -> None: ...
     def freeze(self, frozen: bool) -> None: ...
@@ -35,7 +35,7 @@ class Edge(Protocol):
 
 @dataclass(frozen=True)
 class RunEdge:
-    """The edge node of a live run; a node that is started again takes its place in `nodes`."""
+    """The edge node of a live run; a restarted node replaces it in `nodes`."""
 
     engine: Engine
     plan: NodePlan | None
@@ -44,11 +44,12 @@ class RunEdge:
     cleanup: ExitStack
 
     def kill(self) -> None:
-        """SIGKILL, and waits for the end."""
+        """Sends SIGKILL and waits for the end."""
         self.nodes["edge"].kill()
 
     def freeze(self, frozen: bool) -> None:
-        """SIGSTOP or SIGCONT, and waits until it has happened: what is reported did happen."""
+        """Sends SIGSTOP or SIGCONT and waits until it has taken effect, so that only real faults
+        are logged."""
         node = self.nodes["edge"]
         node.freeze(frozen)
         deadline = time.monotonic() + SIGNAL_TIMEOUT_S
@@ -59,7 +60,7 @@ class RunEdge:
             time.sleep(0.001)
 
     def start_again(self) -> None:
-        """Its program, where the killed one was."""
+        """Restarts its program in the namespace and cgroups of the killed one."""
         assert self.plan is not None
         node = self.engine.start_again(self.plan, self.nodes["edge"])
         self.cleanup.callback(node.remove)
@@ -68,7 +69,7 @@ class RunEdge:
 
 
 def is_stopped(pid: int) -> bool:
-    """By SIGSTOP; False for a process that has gone, too."""
+    """Returns whether the process is stopped by SIGSTOP; False if it has gone."""
     try:
         return psutil.Process(pid).status() == psutil.STATUS_STOPPED
     except psutil.NoSuchProcess:
@@ -77,7 +78,7 @@ def is_stopped(pid: int) -> bool:
 
 @dataclass(frozen=True)
 class Step:
-    """A moment at which something is to be done."""
+    """One action at a run time."""
 
     at_s: float
     fault: str
@@ -86,7 +87,7 @@ class Step:
 
 
 def steps(faults: list[Fault]) -> list[Step]:
-    """Beginnings and ends in order of time; a restart is the end of a kill."""
+    """Returns begins and ends in order of time; a restart is the end of a kill."""
     found: list[Step] = []
     for fault in faults:
         if fault.edge == "restart":
@@ -100,7 +101,7 @@ def steps(faults: list[Fault]) -> list[Step]:
 
 @dataclass(frozen=True)
 class FaultEvent:
-    """A line of the log (docs/formats.md, "Events")."""
+    """One line of the log (docs/reference/events.md, "Events")."""
 
     t_ns: int
     type: str
@@ -109,13 +110,13 @@ class FaultEvent:
 
 
 def event(step: Step, t_ns: int) -> FaultEvent:
-    """As it stands in the log."""
+    """Returns the log line of a step."""
     kind = "fault_began" if step.begins else "fault_ended"
     return FaultEvent(t_ns, kind, step.target, step.fault)
 
 
 def write_planned(faults: list[Fault], end_s: float, run_dir: Path) -> None:
-    """The log of a virtual run: there everything happens when it is asked for."""
+    """Writes the log of a virtual run, in which every fault happens exactly on time."""
     if not faults:
         return
     events = (vars(event(s, round(s.at_s * NS_PER_S))) for s in steps(faults) if s.at_s <= end_s)
@@ -123,7 +124,8 @@ def write_planned(faults: list[Fault], end_s: float, run_dir: Path) -> None:
 
 
 class FaultDriver:
-    """Does what is due. The link cuts itself (its profile has the gaps); here it is only noted."""
+    """Executes due steps. The link cuts itself, since its profile has the gaps; here cuts are
+    only logged."""
 
     def __init__(self, faults: list[Fault], edge: Edge, run_dir: Path) -> None:
         self._left = steps(faults)
@@ -133,38 +135,38 @@ class FaultDriver:
         self._frozen: Step | None = None
         self._t0_ns = 0
         self.edge_is_dead = False
-        """Killed here, and not started again since."""
+        """The edge was killed by a fault and not restarted since."""
         self.invalid_reasons: list[str] = []
-        """Why the run did not fail as it was to, a line each."""
+        """Why the faults did not happen as planned, one line each."""
 
     def start(self, t0_ns: int) -> None:
-        """Run time 0 on CLOCK_MONOTONIC."""
+        """Sets run time 0 on CLOCK_MONOTONIC."""
         self._t0_ns = t0_ns
 
     def wait_s(self, longest_s: float) -> float:
-        """Until the next step, at most `longest_s`."""
+        """Returns the time until the next step, at most `longest_s`."""
         if not self._left:
             return longest_s
         return min(longest_s, max(0.0, self._left[0].at_s - self._now_s()))
 
     def act(self) -> None:
-        """Does every step whose time has come."""
+        """Executes every step that is due."""
         while self._left and self._left[0].at_s <= self._now_s():
             self._do(self._left.pop(0))
 
     def finish(self) -> None:
-        """Nothing more will fail; an edge that stands still goes on, so that it can end."""
+        """Drops the remaining faults; a frozen edge is continued so that it can end."""
         self._left = []
         if self._frozen is not None:
             self._do(Step(self._now_s(), "freeze", "edge", begins=False))
 
     def note(self, kind: str, **fields: object) -> None:
-        """Something went wrong, or right again, that nobody asked for: an event of the same log."""
+        """Logs an event that is no planned fault, such as a failure or a recovery."""
         at_ns = time.monotonic_ns() - self._t0_ns
         self._done.append({"t_ns": at_ns, "type": kind} | fields)
 
     def write(self) -> None:
-        """Leaves the log in the run folder."""
+        """Writes the log to the run folder."""
         if self._done:
             _write(self._run_dir, iter(self._done))
 
@@ -176,7 +178,7 @@ class FaultDriver:
             self._edge.freeze(step.begins)
             self._frozen = step if step.begins else None
         elif step.fault == "kill" and step.begins:
-            self.edge_is_dead = True  # First: who watches must not take it for an accident.
+            self.edge_is_dead = True  # set first: the end is expected
             self._edge.kill()
         elif step.fault == "kill":
             self._edge.start_again()
@@ -188,7 +190,7 @@ class FaultDriver:
         self._judge(step, (at_ns - self._t0_ns) / NS_PER_S)
 
     def _judge(self, step: Step, at_s: float) -> None:
-        """How long a program needs until it has started again is its own matter."""
+        """The time that a program needs to restart is not limited."""
         if at_s - step.at_s > LATE_S and (step.begins or step.fault == "freeze"):
             what = f"{step.target}'s {step.fault}"
             self.invalid_reasons.append(

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""How an engine starts a system that is a program of its own: slambed-play in front of it."""
+"""How an engine starts a system with its own program: slambed-play runs in front of it."""
 
 import sys
 from pathlib import Path
@@ -15,17 +15,17 @@ PLAYER = "slambed-play"
 PATH = "/usr/local/bin:/usr/bin:/bin"
 FRAMES_IN_CONTAINER = "/frames"
 ELF_INTERPRETER = 3
-"""PT_INTERP of a program header: the program needs libraries of its host."""
+"""Program header type PT_INTERP: the program needs shared libraries of its host."""
 
 
 def clients_folder() -> Path:
-    """Where slambed_client.py and slambed_client.h lie."""
+    """Returns the folder of slambed_client.py and slambed_client.h."""
     return repository_root() / "systems" / "apps" / "play" / "client"
 
 
 def player_arguments(plan: NodePlan, config: str, folder: str, frames: str = "") -> list[str]:
-    """What slambed-play gets. `folder` is the system's, `frames` the recorded one, where it reads
-    one; both, and `config`, as the node sees them."""
+    """Returns the arguments of slambed-play. `folder` is the system's folder, `frames` the
+    recorded one if it reads one; all paths are as the node sees them."""
     assert plan.runtime is not None
     places = {"folder": folder, **_recorded(plan, config, frames)}
     own = list(plan.runtime.of(plan.role).command)
@@ -41,7 +41,7 @@ def player_arguments(plan: NodePlan, config: str, folder: str, frames: str = "")
 
 
 def _recorded(plan: NodePlan, config: str, frames: str) -> dict[str, str]:
-    """Where a system that reads a folder finds it, and where it leaves its poses."""
+    """Returns the recorded folder and the pose file, for a system that reads a folder."""
     assert plan.runtime is not None
     if plan.runtime.reads is None or plan.role != "mobile":
         return {}
@@ -52,8 +52,8 @@ def _recorded(plan: NodePlan, config: str, frames: str) -> dict[str, str]:
 def environment(
     plan: NodePlan, clients: str, path: str | None, config: str = "", frames: str = ""
 ) -> dict[str, str]:
-    """What the program finds in its environment besides what slambed-play passes to it, whatever
-    the shell of who started the campaign holds. `path`: none where the image has its own."""
+    """Returns the environment of the program, except for what slambed-play adds; independent of
+    the user's shell. `path` is None if the image defines PATH."""
     assert plan.runtime is not None
     own = plan.runtime.of(plan.role).env
     usual = {"LANG": "C.UTF-8", "HOME": "/tmp", "PYTHONDONTWRITEBYTECODE": "1"}
@@ -66,13 +66,13 @@ def environment(
 
 
 def host_path() -> str:
-    """Programs of slambed's own environment first: its python3 has numpy and OpenCV."""
+    """Puts slambed's own environment first: its python3 has numpy and OpenCV."""
     return f"{Path(sys.executable).parent}:{PATH}"
 
 
 def container_options(plan: NodePlan, image: str, config: str, barrier: str) -> dict[str, Any]:
-    """How a container of somebody else's image starts. The player waits at the start barrier by
-    itself: an image may have no shell."""
+    """Returns the container options for a third-party image. The player itself waits at the
+    start barrier, because an image may have no shell."""
     assert plan.runtime is not None
     part = plan.runtime.of(plan.role)
     clients = f"{PLAYER_IN_CONTAINER}/client"
@@ -89,7 +89,7 @@ def container_options(plan: NodePlan, image: str, config: str, barrier: str) -> 
 
 
 def player_volumes(plan: NodePlan) -> dict[str, dict[str, str]]:
-    """What is bound into a container of somebody else's image."""
+    """Returns the volumes of a container with a third-party image."""
     assert plan.system_folder is not None
     player = find_program(PLAYER)
     if not _is_static(player):
@@ -108,7 +108,7 @@ def player_volumes(plan: NodePlan) -> dict[str, dict[str, str]]:
 
 
 def _is_static(program: Path) -> bool:
-    """Whether an ELF64 program asks for no interpreter."""
+    """Returns whether an ELF64 program has no interpreter."""
     content = program.read_bytes()
     begin = int.from_bytes(content[32:40], "little")
     size = int.from_bytes(content[54:56], "little")

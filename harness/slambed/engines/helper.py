@@ -1,9 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A helper container: for members of the group docker it does what otherwise only root may.
+"""A helper container: executes for members of the group docker what otherwise needs root.
 
-It runs this very package with the Python of the host (bound in read-only), so that both ways give
-the same results, and holds no more capabilities than its module needs. It lives as long as its
-standard input.
+It runs this package with the host's Python (mounted read-only), so that both ways give the same
+results. It has only the capabilities that its module needs, and ends with its standard input.
 """
 
 import os
@@ -15,11 +14,11 @@ from slambed.engines.base import LABEL
 from slambed.native import find_program
 
 NAMESPACES = Path("/run/slambed")
-"""Where a helper finds the network namespace of each node."""
+"""Folder in which a helper finds the network namespace of each node."""
 CAPABILITIES = {
-    # setns; metronome with real-time priority.
+    # setns; real-time priority of the metronome.
     "slambed.engines.sidecar": ["SYS_ADMIN", "SYS_NICE"],
-    # setns; devices, addresses, queueing; ICMP; real-time priority and memory that stays.
+    # setns; devices, addresses, queueing; ICMP; real-time priority and locked memory.
     "slambed.link.link_helper": ["SYS_ADMIN", "NET_ADMIN", "NET_RAW", "SYS_NICE", "IPC_LOCK"],
 }
 ALLOWED = Path("/proc/sys/net/ipv4/tcp_allowed_congestion_control")
@@ -27,29 +26,29 @@ ALLOWED = Path("/proc/sys/net/ipv4/tcp_allowed_congestion_control")
 
 @dataclass(frozen=True)
 class Helper:
-    """What the helpers of one run have in common."""
+    """Common settings of the helpers of one run."""
 
     image_id: str
     run_key: str
     namespaces: dict[str, str]
-    """Role -> file of the network namespace, as the daemon's host has it."""
+    """Role -> file of the network namespace on the daemon's host."""
 
     def container(self, module: str) -> str:
-        """Its name: one for each module and run."""
+        """Returns the container's name, which is unique per module and run."""
         return f"{LABEL}-{self.run_key}-{_purpose(module)}"
 
     def command(self, module: str, writable: list[Path]) -> list[str]:
-        """`docker run` of a module of this package."""
+        """Returns the `docker run` command for a module of this package."""
         capabilities = [part for c in CAPABILITIES[module] for part in ("--cap-add", c)]
         return [
             *("docker", "run", "--interactive", "--rm"),
             *("--name", self.container(module), "--label", f"{LABEL}={self.run_key}"),
             *("--label", f"{LABEL}.role={_purpose(module)}"),
-            # Threads are moved between groups by the numbers of the host.
+            # Threads are moved between cgroups by their ids on the host.
             *("--pid", "host", "--cgroupns", "host", "--network", _network()),
             *("--user", "0:0", "--cap-drop", "ALL", *capabilities),
             *("--security-opt", "no-new-privileges", "--read-only"),
-            # TCP settings of the nodes' namespaces lie in /proc/sys.
+            # The nodes' TCP settings are in /proc/sys.
             *("--security-opt", "systempaths=unconfined", "--security-opt", "apparmor=unconfined"),
             *("--device", "/dev/net/tun"),
             *self._volumes(writable),
@@ -67,14 +66,14 @@ class Helper:
 
 
 def host_python() -> list[Path]:
-    """What this very package needs of the host."""
+    """Returns the files of the host that this package needs."""
     needed = [Path("/usr"), Path("/etc/ld.so.cache"), _package_folder()]
     prefixes = (Path(prefix) for prefix in (sys.prefix, sys.base_prefix))
     return needed + [prefix for prefix in prefixes if not prefix.is_relative_to("/usr")]
 
 
 def read_only(paths: list[Path]) -> list[str]:
-    """Volumes at the same places."""
+    """Returns volume options that mount paths read-only at the same place."""
     return [f"{path}:{path}:ro" for path in dict.fromkeys(paths) if path.exists()]
 
 
@@ -91,8 +90,8 @@ def _programs() -> Path:
 
 
 def _network() -> str:
-    """The helper's own network is not used, but where the host reserves TCP cubic for itself only
-    its initial namespace can allow it to others."""
+    """Returns the network of the helper. It is not used, but if the host does not allow cubic to
+    all namespaces, only the initial namespace can change that."""
     try:
         allowed = ALLOWED.read_text(encoding="ascii").split()
     except OSError:
@@ -101,10 +100,9 @@ def _network() -> str:
 
 
 def direct_command(module: str) -> list[str]:
-    """The same module as a child of a harness that is root."""
+    """Returns the command that runs the module as a child, for a harness with root privileges."""
     return [sys.executable, "-m", module]
 
 
 def is_root() -> bool:
-    """Whether this process may do everything itself."""
     return os.geteuid() == 0

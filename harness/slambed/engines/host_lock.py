@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""One live campaign at a time on a host: two would share cores and spoil each other's figures."""
+"""Allows one live campaign at a time per host: two would share cores and distort each other's
+results."""
 
 import json
 import os
@@ -16,7 +17,7 @@ from slambed.files.json_file import read_object
 WAIT_STEP_S = 0.2
 STOP_OR_WAIT = "stop it, or wait for it with --wait"
 STOP = "stop it, or call this again when it has ended"
-"""Of commands that do not wait."""
+"""Advice of commands that do not wait."""
 
 
 @contextmanager
@@ -31,10 +32,12 @@ def host_lock(
     notify: Callable[[str], None] = lambda line: None,
     meanwhile: Callable[[], object] = lambda: None,
 ) -> Iterator[None]:
-    """Holds the lock; an error says who holds it. The kernel frees it however the holder dies.
+    """Holds the lock; the error names the current holder. The kernel releases it even if the holder
+    dies.
 
-    `where`: what others see of our place. `notify`: hears that we wait, and for whom, and that we
-    go on. `meanwhile`: called again and again while we wait; what it raises ends that.
+    `where`: path shown to waiting processes. `notify` is called when waiting begins, with the
+    holder, and when it ends. `meanwhile` is called repeatedly while waiting; an exception ends the
+    wait.
     """
     path = path or default_lock_path()
     fd = open_lock(path)
@@ -79,7 +82,7 @@ def _holder(path: Path) -> str:
     if not {"purpose", "pid"} <= content.keys():
         return "unknown"
     message = f"{content['purpose']} (process {content['pid']})"
-    with suppress(KeyError, TypeError, ValueError):  # of an earlier version
+    with suppress(KeyError, TypeError, ValueError):  # written by an earlier version
         message += f", since {datetime.fromisoformat(content['since_utc']):%Y-%m-%d %H:%M:%S} UTC"
     return message + (f", in {content['where']}" if "where" in content else "")
 

@@ -1,11 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The process that becomes a node of the local engine: limits and namespace first, then a start
-barrier.
+"""The process that becomes a node of the local engine: sets limits and namespace, then waits at a
+start barrier.
 
 Run as `python launcher.py PARENT_PID READY_FD[,NETWORK_FD] UID TASKS_FILE... -- PROGRAM ...`.
-NETWORK_FD is a namespace to enter; without it the node gets a new one. Imports nothing of slambed,
-so that it starts fast. It writes one byte to READY_FD when everything is in
-place and waits for one byte before it becomes the program; at the end of its input it exits.
+NETWORK_FD is a namespace to enter; without it the node gets a new one. This module imports nothing
+of slambed, so that it starts fast. It writes one byte to READY_FD when everything is in place, and
+waits for one byte before it executes the program. It exits if its input ends.
 """
 
 import ctypes
@@ -27,14 +27,14 @@ PR_CAP_AMBIENT_RAISE = 2
 LINUX_CAPABILITY_VERSION_3 = 0x20080522
 SIOCSIFFLAGS = 0x8914
 IFF_UP = 1
-# Reading a sequence in a home folder that is closed to others is all a node may do beyond a user.
+# The only privilege of a node: to read a sequence in a private home folder.
 CAP_DAC_READ_SEARCH = 2
 LAST_CAPABILITY_TRIED = 63
 libc = ctypes.CDLL(None, use_errno=True)
 
 
 def check(result: int, what: str) -> None:
-    """OSError where the kernel refused."""
+    """Raises OSError if the kernel refused."""
     if result != 0:
         raise OSError(ctypes.get_errno(), f"{what}: {os.strerror(ctypes.get_errno())}")
 
@@ -55,7 +55,8 @@ def main() -> None:
         bring_up_loopback()
     drop_capabilities()
     become(uid)
-    # A node must not outlive the harness, however that dies. (Another user's process forgets this.)
+    # A node must not outlive the harness, however it dies. Set after the user change, which clears
+    # it.
     check(libc.prctl(PR_SET_PDEATHSIG, signal.SIGKILL, 0, 0, 0), "PR_SET_PDEATHSIG")
     if os.getppid() != parent:
         sys.exit(1)
@@ -74,34 +75,34 @@ def main() -> None:
 
 
 def refused(line: str) -> int:
-    """The line on standard error; the exit code of a refusal by the environment."""
+    """Prints the error; returns the exit code for an environment error."""
     print(f"error: {line}", file=sys.stderr)
     return 3
 
 
 def bring_up_loopback() -> None:
-    """As a container has it."""
+    """Brings up lo, like in a container."""
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as handle:
         request = struct.pack("16sh14x", b"lo", IFF_UP)
         fcntl.ioctl(handle, SIOCSIFFLAGS, request)
 
 
 def become(uid: int) -> None:
-    """Another user, who keeps the right to read through the next exec."""
+    """Changes the user, keeping the read capability across the next exec."""
     check(libc.prctl(PR_SET_KEEPCAPS, 1, 0, 0, 0), "PR_SET_KEEPCAPS")
     os.setgroups([])
     os.setresgid(uid, uid, uid)
     os.setresuid(uid, uid, uid)
     right = 1 << CAP_DAC_READ_SEARCH
     header = struct.pack("Ii", LINUX_CAPABILITY_VERSION_3, 0)
-    # Effective, permitted, inheritable: of the lower 32 capabilities, then of the others.
+    # Effective, permitted, inheritable: first the lower 32 capabilities, then the others.
     check(libc.capset(header, struct.pack("6I", right, right, right, 0, 0, 0)), "capset")
     raised = libc.prctl(PR_CAP_AMBIENT, PR_CAP_AMBIENT_RAISE, CAP_DAC_READ_SEARCH, 0, 0)
     check(raised, "PR_CAP_AMBIENT_RAISE")
 
 
 def drop_capabilities() -> None:
-    """Empties the bounding set but for one right: no exec brings another back."""
+    """Drops all other capabilities from the bounding set, so that no exec can regain them."""
     for capability in range(LAST_CAPABILITY_TRIED + 1):
         known = libc.prctl(PR_CAPBSET_READ, capability, 0, 0, 0) >= 0
         if known and capability != CAP_DAC_READ_SEARCH:

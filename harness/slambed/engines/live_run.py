@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""One live run: two nodes to the start barrier, the link between them, start, watch, stop."""
+"""One live run: both nodes up to the start barrier, the link, start, watch, stop."""
 
 import json
 import os
@@ -50,13 +50,13 @@ from slambed.spec.system import Role
 
 READY_TIMEOUT_S = 30.0
 WATCH_PERIOD_S = 0.02
-# After BYE the edge has this long to finish its mapping and write.
+# Time for the edge to finish mapping and write its files after BYE.
 EDGE_GRACE_S = 20.0
 STOP_GRACE_S = 10.0
 
 
 class OpenLink(Protocol):
-    """What joins the namespaces of the two nodes during a run."""
+    """The link between the namespaces of the two nodes during a run."""
 
     def start(self, t0_ns: int) -> None: ...
     def alive(self) -> bool: ...
@@ -82,7 +82,7 @@ class LiveRun:
         host: HostSpeed = UNKNOWN,
         frames: Path | None = None,
     ) -> None:
-        """`frames`: the recorded folder of a system that reads one."""
+        """`frames`: recorded folder for a system that reads one."""
         self._spec = spec
         self._engine = engine
         self._sequence = sequence
@@ -103,13 +103,13 @@ class LiveRun:
         self._link: OpenLink | None = None
         self._segmenter: SegmenterKeeper | None = None
         self._mobile_seen_ns = 0
-        """When the mobile node was last seen running."""
+        """Time at which the mobile node was last seen running."""
         self._invalid_reasons: list[str] = []
-        """Why the circumstances are not as asked."""
+        """Why the circumstances are not as configured."""
 
     def execute(self) -> RunResult:
-        """Runs to the end. A node that dies or refuses its input is an outcome; what keeps it from
-        starting is an error."""
+        """Executes the run. A node that dies or refuses its input is an outcome; a failure to
+        start is an error."""
         config, own = self._config("mobile"), self._config("edge")
         self._limits = {
             role: device.limits_on(self._host.speed, len(self._host_cpus))
@@ -198,7 +198,7 @@ class LiveRun:
         devices = self._devices
         self._cpus = cpus = self._engine.allot(self._limits)
         limits: dict[str, NodeLimits] = {}
-        # The edge first: it is ready to listen by the time the mobile connects.
+        # The edge first, so that it is listening when the mobile node connects.
         for role in sorted(cpus):
             asked = self._limits[role]
             dies = role == "edge" and any(fault.edge == "kill" for fault in self._spec.faults)
@@ -231,8 +231,8 @@ class LiveRun:
         return limits
 
     def _start_segmenter(self, cleanup: ExitStack) -> None:
-        """Answers before the first node passes the start barrier; ends before the edge's groups
-        do."""
+        """Starts the segmenter and waits until it is ready, before a node passes the start
+        barrier. It ends before the edge's cgroups are removed."""
         masks = self._spec.masks
         if masks is None:
             return
@@ -246,7 +246,7 @@ class LiveRun:
         keeper.await_ready(self._stop.is_set)
 
     def _await_ready(self) -> tuple[Outcome, str] | None:
-        """None once all nodes are; else how one of them ended before."""
+        """Returns None once all nodes are ready, otherwise how one of them ended before."""
         runtime = self._spec.runtime
         patience_s = READY_TIMEOUT_S if runtime is None else runtime.ready_s
         deadline = time.monotonic() + patience_s
@@ -278,7 +278,7 @@ class LiveRun:
         return ("refused" if code == ExitCode.BAD_INPUT else "died"), line
 
     def _config(self, role: Role) -> RunConfig:
-        """As this node sees its folders."""
+        """Returns the configuration with paths as this node sees them."""
         engine = self._engine
         return run_config(
             self._spec,
@@ -289,7 +289,7 @@ class LiveRun:
         )
 
     def _start_clock(self, sidecar: Sidecar) -> int:
-        """Run time 0 on CLOCK_MONOTONIC."""
+        """Starts the run clock; returns run time 0 on CLOCK_MONOTONIC."""
         t0_ns = time.monotonic_ns() + int(self._engine.start_ahead_s * 1e9)
         if self._link is not None:
             self._link.start(t0_ns)
@@ -298,8 +298,8 @@ class LiveRun:
         return t0_ns
 
     def _watch(self, faults: FaultDriver) -> tuple[Outcome, str | None]:
-        """Until the mobile node has ended. A dead edge or link does not end the run: what the
-        mobile node makes of it is the result."""
+        """Watches until the mobile node has ended. A dead edge or link does not end the run: the
+        behavior of the mobile node is the result."""
         deadline = time.monotonic() + self._limit_s
         ended: tuple[Outcome, str] | None = None
         link_died = False
@@ -335,10 +335,11 @@ class LiveRun:
         return ended or ("completed", None)
 
     def _ended_early(self, edge: Node) -> bool:
-        """An edge that ends well has heard BYE: then the mobile node is about to end too."""
+        """Returns whether the edge failed. An edge that exits normally has received BYE, so the
+        mobile node is about to end too."""
         if (code := edge.exit_code()) is None:
             return False
-        # One that could not say so was stopped.
+        # Without a report it was stopped from outside.
         return code != 0 or node_report(edge, self._run_dir).stopped is not False
 
     def _await_edge(self, edge: Node) -> tuple[Outcome, str] | None:
@@ -357,7 +358,7 @@ class LiveRun:
         return None
 
     def _died(self, role: Role, code: int) -> tuple[Outcome, str]:
-        """Its outcome; a run in which somebody else did it is invalid."""
+        """Returns the outcome; marks the run invalid if the end was caused from outside."""
         node = self._nodes[role]
         if (how := from_outside(node, code, self._run_dir)) is not None:
             self._invalid_reasons.append(f"the {role} node {how}")

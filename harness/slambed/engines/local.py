@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Engine `local`: nodes as processes in network namespaces and control groups, no daemon."""
+"""Engine `local`: nodes as processes in network namespaces and cgroups, without a daemon."""
 
 import contextlib
 import os
@@ -45,7 +45,7 @@ KILL_TIMEOUT_S = 10.0
 
 
 class LocalNode:
-    """A child process that waits at the start barrier, then is the node."""
+    """A child process that waits at the start barrier and then becomes the node."""
 
     def __init__(self, role: Role, process: subprocess.Popen[bytes], paths: CgroupPaths) -> None:
         self.role = role
@@ -59,17 +59,17 @@ class LocalNode:
         self._namespace_fd = -1
 
     def keep_namespace(self) -> None:
-        """The network namespace lives until `remove`, even without the process."""
+        """Keeps the network namespace until `remove`, even without the process."""
         self._namespace_fd = os.open(self.namespace, os.O_RDONLY | os.O_CLOEXEC)
         self.namespace = Path(f"/proc/{os.getpid()}/fd/{self._namespace_fd}")
 
     def hand_over_namespace(self) -> int:
-        """Whoever gets it closes it."""
+        """Returns the descriptor; the caller must close it."""
         fd, self._namespace_fd = self._namespace_fd, -1
         return fd
 
     def take_over_namespace(self, dead: "LocalNode") -> None:
-        """From the node that this one follows."""
+        """Takes the namespace of the node that this one replaces."""
         self.namespace, self._namespace_fd = dead.namespace, dead.hand_over_namespace()
 
     def release(self) -> None:
@@ -79,38 +79,36 @@ class LocalNode:
             self._process.stdin.write(b"g")
             self._process.stdin.close()
         except BrokenPipeError:
-            pass  # It died at the start barrier; exit_code() reports.
+            pass  # It died at the start barrier; exit_code() reports that.
 
     def exit_code(self) -> int | None:
-        """None while it runs."""
+        """Returns None while it runs."""
         return self._process.poll()
 
     def wait(self) -> int:
-        """The exit code of a process that is about to end."""
+        """Returns the exit code of a process that is about to end."""
         return self._process.wait(KILL_TIMEOUT_S)
 
     def out_of_memory(self) -> bool:
-        """As its group counted it."""
+        """Uses the counter of its cgroup."""
         return self.reader.oom_kills() > 0
 
     def ask_to_stop(self) -> None:
-        """SIGTERM."""
         if self._process.poll() is None:
             self._watch.signal(signal.SIGTERM)
 
     def kill(self) -> None:
-        """SIGKILL."""
         if self._process.poll() is None:
             self._watch.signal(signal.SIGKILL)
             self._process.wait(KILL_TIMEOUT_S)
 
     def freeze(self, frozen: bool) -> None:
-        """SIGSTOP or SIGCONT to all of its process group."""
+        """Sends SIGSTOP or SIGCONT to its process group."""
         if self._process.poll() is None:
             os.killpg(self.pid, signal.SIGSTOP if frozen else signal.SIGCONT)
 
     def remove(self) -> None:
-        """Kills the process and removes its groups."""
+        """Kills the process and removes its cgroups."""
         self.kill()
         if self._namespace_fd >= 0:
             os.close(self.hand_over_namespace())
@@ -139,42 +137,42 @@ class LocalEngine(ThisHostEngine):
         self._groups = CgroupMaker()
 
     def sequence_path(self, sequence: Path, role: Role) -> str:
-        """The node sees the host's files."""
+        """Same path as on the host."""
         return str(sequence.resolve())
 
     def output_path(self, run_dir: Path, role: Role) -> str:
-        """The node sees the host's files."""
+        """Same path as on the host."""
         return str(run_dir.resolve())
 
     def describe(self) -> EngineFacts:
-        """No image."""
+        """Returns no image."""
         return EngineFacts(image_id=None)
 
     def image_ids(self, runtime: Runtime, system: str) -> dict[str, str]:
-        """None: programs of this host."""
+        """Returns nothing: programs run on this host."""
         return {}
 
     def sidecar_command(self, module: str, writable: list[Path]) -> list[str]:
-        """A child of this process, which is root."""
+        """Returns a child process command, since this process is root."""
         return direct_command(module)
 
     def start(self, plan: NodePlan) -> Node:
-        """A process at the start barrier, in its own network namespace and groups."""
+        """Starts a process at the start barrier, in its own network namespace and cgroups."""
         node = self._launch(plan, None)
         if plan.dies:
             node.keep_namespace()
         return node
 
     def start_again(self, plan: NodePlan, dead: Node) -> Node:
-        """The dead node's groups are still there: `make` finds them."""
+        """Restarts a killed node; its cgroups still exist, and `make` finds them."""
         assert isinstance(dead, LocalNode)
         node = self._launch(plan, dead)
         node.release()
         return node
 
     def start_segmenter(self, plan: NodePlan, edge: Node, network: str) -> SegmenterSidecar:
-        """In the edge's groups, as the edge's user, in a network namespace of its own with nothing
-        but a loopback; it dies with this process."""
+        """Starts the segmenter in the edge's cgroups, as the edge's user, in a network namespace
+        with loopback only. It dies with this process."""
         assert isinstance(edge, LocalNode)
         folder = make_folder(plan.run_dir)
         os.chown(folder, NODE_UID, NODE_UID)
@@ -200,7 +198,7 @@ class LocalEngine(ThisHostEngine):
             os.close(nobody)
         assert process.stdin is not None
         with contextlib.suppress(BrokenPipeError):
-            process.stdin.write(b"g")  # nobody waits at this barrier
+            process.stdin.write(b"g")  # opens the start barrier at once
             process.stdin.flush()
         return SegmenterProcess(process, log_file)
 
@@ -250,7 +248,7 @@ class LocalEngine(ThisHostEngine):
                     pass_fds=[fd for fd in (ready_write, network_fd) if fd >= 0],
                     cwd="/",
                     env=self._environment_of(plan),
-                    # Ctrl-C reaches the harness alone; it ends the nodes in its own order.
+                    # Ctrl-C reaches only the harness, which ends the nodes in its own order.
                     start_new_session=True,
                 )
             os.close(ready_write)
@@ -270,8 +268,8 @@ class LocalEngine(ThisHostEngine):
 
 
 def _problem_at_barrier(ready: int, node: LocalNode, log: Path) -> SlambedError | None:
-    """Why a node is not at the start barrier. That it was slow or killed may pass; that the kernel
-    refused it something will not."""
+    """Returns why a node did not reach the start barrier. Slowness or a kill may be temporary; a
+    refusal by the kernel is not."""
     line = f"the {node.role} node did not reach the start barrier"
     if not select.select([ready], [], [], BARRIER_TIMEOUT_S)[0]:
         return PassingError(f"{line} within {BARRIER_TIMEOUT_S:.0f} s")

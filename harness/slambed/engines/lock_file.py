@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The file by which live campaigns of a host, and boards that one of them has, keep out of each
-other's way. Needs nothing but Python: it is read on boards, too."""
+"""The lock file of live campaigns on a host, and of boards in use. This module needs only the
+standard library because it also runs on boards."""
 
 import fcntl
 import os
@@ -9,21 +9,22 @@ from pathlib import Path
 
 from slambed.errors import environment_error
 
-# Known to every user and checkout of the host.
+# Common to all users and checkouts of the host.
 LOCK_FOLDER = Path("/run/lock")
 
 
 def default_lock_path() -> Path:
-    """/run/lock/slambed.lock, or the temporary folder where there is no /run/lock."""
+    """Returns /run/lock/slambed.lock, or a file in the temporary folder without /run/lock."""
     folder = LOCK_FOLDER if LOCK_FOLDER.is_dir() else Path(tempfile.gettempdir())
     return folder / "slambed.lock"
 
 
 def open_lock(path: Path) -> int:
-    """The lock file, made for every user of the host when it is not there.
+    """Opens the lock file; creates it for all users of the host if missing.
 
-    Not truncated: until the lock is ours the content is the holder's. Not opened with O_CREAT when
-    it is there: in a folder like /tmp the kernel refuses that even to root (fs.protected_regular).
+    It is not truncated: until we hold the lock, the content is the holder's. An existing file is
+    not opened with O_CREAT: in a folder like /tmp the kernel refuses that even to root
+    (fs.protected_regular).
     """
     flags = os.O_RDWR | os.O_CLOEXEC
     try:
@@ -31,7 +32,7 @@ def open_lock(path: Path) -> int:
             return os.open(path, flags)
         except FileNotFoundError:
             fd = os.open(path, flags | os.O_CREAT, 0o666)
-            # Whatever the umask: the next campaign may be another user's.
+            # Independent of the umask: the next campaign may be another user's.
             os.fchmod(fd, 0o666)
             return fd
     except OSError as error:
@@ -41,7 +42,7 @@ def open_lock(path: Path) -> int:
 
 
 def taken(fd: int) -> bool:
-    """Whether the lock is ours now."""
+    """Tries to take the lock; returns whether we hold it."""
     try:
         fcntl.flock(fd, fcntl.LOCK_EX | fcntl.LOCK_NB)
     except BlockingIOError:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""How a live node ended: by itself, at its memory limit, or because somebody else ended it."""
+"""How a live node ended: by itself, at its memory limit, or from outside."""
 
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
@@ -13,15 +13,16 @@ from slambed.spec.system import Role
 
 
 def node_report(node: Node, run_dir: Path) -> NodeReport:
-    """What a node wrote about its end; empty when it could not."""
+    """Returns the node's own report; empty if it could not write one."""
     return NodeReport.read(run_dir / node.role / "node.json") or NodeReport()
 
 
 def from_outside(node: Node, code: int, run_dir: Path) -> str | None:
-    """What somebody else did to a node whose end nobody here asked for; None for its own end.
+    """Returns how a node was ended from outside; None if it ended by itself. To be used only for
+    ends that the harness did not request.
 
-    A node that hears SIGTERM (as from a daemon that goes down) writes everything and exits well: it
-    says itself that it was stopped.
+    A node that receives SIGTERM (as from a stopping daemon) writes all files and exits with 0; its
+    report says that it was stopped.
     """
     if ended_from_outside(code) and not node.out_of_memory():
         return f"was killed from outside ({ending(code)})"
@@ -31,7 +32,7 @@ def from_outside(node: Node, code: int, run_dir: Path) -> str | None:
 
 
 def how_it_died(node: Node, code: int, run_dir: Path) -> str:
-    """One line for the outcome."""
+    """Returns one line for the outcome."""
     if (outside := from_outside(node, code, run_dir)) is not None:
         return f"{node.role} node: {outside}"
     how = "killed at its memory limit" if node.out_of_memory() else ending(code)
@@ -40,8 +41,8 @@ def how_it_died(node: Node, code: int, run_dir: Path) -> str:
 
 @contextmanager
 def at_start_barrier(nodes: Mapping[Role, Node]) -> Iterator[None]:
-    """What fails because a node has gone passes: before the start barrier opens it executes nothing
-    of the system, so somebody else ended it."""
+    """Treats errors as temporary if a node has ended: before the start barrier opens no code of
+    the system runs, so the node was killed from outside."""
     try:
         yield
     except (SlambedError, OSError) as error:

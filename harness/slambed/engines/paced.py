@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What the nodes of a live run are given about the devices whose pace they keep."""
+"""Settings for nodes of a live run that keep the pace of their devices."""
 
 from collections.abc import Mapping
 
@@ -9,9 +9,10 @@ from slambed.spec.system import Role
 
 
 def paced_devices(devices: Mapping[Role, Device], limits: Mapping[Role, Limits]) -> PacedDevices:
-    """Each node's device, and what its limits make of one of its cores on this host."""
+    """Returns each node's device, and the share of a host CPU that equals one of its cores under
+    its limits."""
     found: dict[str, PacedDevice] = {}
     for role, device in devices.items():
-        assert device.model is not None  # checked where the device was chosen
+        assert device.model is not None  # checked when the device was chosen
         found[role] = PacedDevice(share=device.share_on(limits[role]), device=device.model)
     return PacedDevices.model_validate(found)

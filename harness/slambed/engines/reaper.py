@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Removes what a killed harness left on the host: containers, processes, control groups.
+"""Removes what a killed harness left on the host: containers, processes, cgroups.
 
-Safe only under the host lock: then whatever carries our label belongs to nobody alive.
+This is safe only under the host lock: then nothing with our label belongs to a running campaign.
 """
 
 import contextlib
@@ -19,12 +19,12 @@ from slambed.engines.docker_errors import CONFLICT, DAEMON_ERRORS, GONE, docker_
 from slambed.engines.helper import is_root
 
 OWNER_VARIABLE = "SLAMBED_HARNESS"
-"""Environment of every child: number and start time of the harness process it belongs to."""
+"""Environment variable of every child: process id and start time of its harness."""
 
 
 @dataclass
 class Reaped:
-    """What was found and removed."""
+    """The leftovers that were found and removed."""
 
     containers: list[str] = field(default_factory=list)
     processes: list[int] = field(default_factory=list)
@@ -44,18 +44,19 @@ class Reaped:
 
 
 def mark_children() -> None:
-    """From here on every child process can be recognized as ours."""
+    """Marks all future child processes as ours."""
     os.environ[OWNER_VARIABLE] = f"{os.getpid()}:{start_time(os.getpid())}"
 
 
 def start_time(pid: int) -> int | None:
-    """Kernel clock ticks since boot at which a process began; with the number it names it.
+    """Returns the start time of a process in clock ticks since boot, which together with the
+    process id is unique.
 
-    Not psutil's create_time: that is a time of day, which another one becomes when the clock is
-    set, and the children of a living harness would be taken for orphans.
+    psutil's create_time is not used: it is a time of day that shifts when the clock is set, so
+    children of a running harness would look like orphans.
     """
     try:
-        # The command in parentheses may hold spaces: count the fields after it.
+        # The command in parentheses may contain spaces: count the fields after it.
         fields = Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()
     except OSError:
         return None
@@ -67,7 +68,7 @@ def reap() -> Reaped:
     reaped = Reaped()
     _reap_containers(reaped)
     _reap_processes(reaped)
-    # Others may not remove groups; their nodes are containers, which take their groups along.
+    # Only root may remove cgroups; other users' nodes are containers, which remove theirs.
     for folder in CgroupMaker().leftovers() if is_root() else ():
         if remove(folder) and folder.name != LABEL:
             reaped.groups.append(folder)
@@ -79,13 +80,13 @@ def _reap_containers(reaped: Reaped) -> None:
         client = docker.from_env(timeout=20)
         containers = client.containers.list(all=True, filters={"label": LABEL})
     except DAEMON_ERRORS:
-        return  # No daemon, no containers.
+        return  # without a daemon there are no containers
     for container in containers:
         try:
             container.remove(force=True, v=True)
             reaped.containers.append(str(container.name))
         except DAEMON_ERRORS as error:
-            # What a helper's own end, or somebody else, is removing goes without us.
+            # It is already being removed by its own exit or by another process.
             code = getattr(error.response, "status_code", 0) if isinstance(error, APIError) else 0
             if code not in (GONE, CONFLICT):
                 raise docker_error(error, f"remove container {container.name}") from None
@@ -94,7 +95,7 @@ def _reap_containers(reaped: Reaped) -> None:
 
 def _reap_processes(reaped: Reaped) -> None:
     for process in psutil.process_iter():
-        # Gone meanwhile, or another user's.
+        # It ended in the meantime, or belongs to another user.
         with contextlib.suppress(psutil.NoSuchProcess, psutil.AccessDenied):
             mark = process.environ().get(OWNER_VARIABLE, "")
             if not mark or process.pid == os.getpid():

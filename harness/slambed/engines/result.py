@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What every engine takes and gives: the run configuration, and how a run ended."""
+"""Common to all engines: the run configuration, and how a run ended."""
 
 import math
 from dataclasses import dataclass, field
@@ -14,56 +14,57 @@ from slambed.spec import inputs
 from slambed.spec.run_spec import LinkSpec, RunSpec
 
 Outcome = Literal["completed", "died", "timed_out", "refused"]
-"""How the system under test fared, whatever its circumstances."""
+"""How the system under test performed, independent of the validity of the run."""
 
 NETWORK_EDGE_ADDRESS = "10.77.0.2"
 FIRST_PORT = 47000
 CONNECT_TIMEOUT_S = 20.0
 START_AHEAD_S = 0.5
 DRAIN_S = 30.0
-"""A mobile node may drain its work after the last frame."""
+"""Time for a mobile node to finish its work after the last frame."""
 OWN_PACE_FACTOR = 10.0
-"""every_frame waits for tracking, and who reads a folder waits for nobody: a slow device may take
-several times the recorded time."""
+"""With every_frame, or for a system that reads a folder, a slow device may take several times
+the recorded time."""
 RTT_STEP_S = 0.1
 """DynNetSLAM's specification: profiles change every 100 ms."""
 
 
 class InterruptedRunError(Exception):
-    """The user asked to stop in the middle of a run."""
+    """The user stopped the campaign during a run."""
 
 
 @dataclass
 class RunResult:
-    """How a run ended, and what was true while it ran."""
+    """The outcome of a run and the circumstances during it."""
 
     outcome: Outcome
     reason: str | None
     """Why it did not complete."""
     invalid_reasons: list[str] = field(default_factory=list)
-    """Why the circumstances were not as asked."""
+    """Why the circumstances were not as configured."""
     limits: dict[str, NodeLimits] = field(default_factory=dict)
-    """By role, as `throttling`."""
+    """By role, like `throttling`."""
     throttling: dict[str, Throttling] = field(default_factory=dict)
     link: LinkFacts | None = None
     sidecar: SidecarUse | None = None
-    """What sampler and metronome took themselves."""
+    """Resource use of the sampler and the metronome."""
     board: BoardFacts | None = None
-    """What executed the mobile node, where that was another machine."""
+    """The machine that executed the mobile node, if it was another one."""
     mobile_until_s: float | None = None
-    """Run time until which the mobile node ran, to a period of the watch; None: not known."""
+    """Run time until which the mobile node ran, with the resolution of the watch period; None:
+    unknown."""
 
 
 def time_limit_s(spec: RunSpec, played_s: float, ahead_s: float = START_AHEAD_S) -> float:
-    """How long a live run may take that plays for `played_s` at recorded speed, and whose nodes are
-    reported so long before it begins."""
+    """Returns the time limit of a live run that plays `played_s` at recorded speed and whose
+    start time is sent `ahead_s` in advance."""
     reads = spec.runtime is not None and spec.runtime.reads is not None
     factor = OWN_PACE_FACTOR if reads or spec.playback.mode == "every_frame" else 1.0
     return ahead_s + played_s * factor + DRAIN_S
 
 
 def profile_rtt(link: LinkSpec, horizon_s: float) -> ProfileRtt:
-    """The RTT that the profile asks for, for a node that shall not measure it."""
+    """Returns the RTT of the profile, for a node that does not measure it."""
     profile = parse_profile(link.content, f"profile {link.profile}")
     end_s = horizon_s if profile.duration is None else min(profile.duration, horizon_s)
     steps = range(math.ceil(end_s / RTT_STEP_S) + 1)
@@ -78,8 +79,8 @@ def run_config(
     horizon_s: float,
     edge_address: str = NETWORK_EDGE_ADDRESS,
 ) -> RunConfig:
-    """The run configuration (docs/formats.md); both paths as the nodes see them. The run is over
-    before the horizon."""
+    """Returns the run configuration (docs/reference/run-folder.md); both paths are as the nodes see
+    them. The run must end before the horizon."""
     network: Network | None = None
     if spec.link is not None:
         ports = {name: FIRST_PORT + index for index, name in enumerate(spec.channels)}

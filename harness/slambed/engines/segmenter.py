@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The segmenter of a live run, as the harness holds it: a process beside the edge node that engines
-start each in their way (docs/masks.md)."""
+"""The harness side of the segmenter of a live run: a process next to the edge node, started
+differently by each engine (docs/explanation/masks.md)."""
 
 import contextlib
 import os
@@ -18,12 +18,12 @@ from slambed.process.endings import ended_from_outside, ending
 from slambed.records.run_config import Segmenter
 
 FOLDER, SOCKET, LOG = "segmenter", "socket", "log.txt"
-"""In the run's folder; log and socket are in the folder."""
+"""The folder is in the run's folder; it holds the log and the socket."""
 MODULE = "slambed.segment.server"
 TIME_LIMIT_S = 2.0
-"""For one picture: several times what our network takes on a slow core."""
+"""Time limit per picture: several times what our network needs on a slow core."""
 READY_TIMEOUT_S = 60.0
-"""Python, OpenCV and the network are read from disk, within the limits of the edge."""
+"""Time to load Python, OpenCV and the network from disk under the edge's limits."""
 END_TIMEOUT_S = 5.0
 ENVIRONMENT = {
     "OMP_NUM_THREADS": "1",
@@ -34,12 +34,13 @@ ENVIRONMENT = {
 
 
 def config(output: str) -> Segmenter:
-    """What the edge node is given; `output`: the run's folder as it sees that."""
+    """Returns the configuration for the edge node; `output` is the run's folder as the edge sees
+    it."""
     return Segmenter(socket=f"{output}/{FOLDER}/{SOCKET}", time_limit_s=TIME_LIMIT_S)
 
 
 def make_folder(run_dir: Path) -> Path:
-    """Where the socket lies. Others than its owner may go through it and write nothing."""
+    """Creates the socket's folder. Other users may pass through it but not write."""
     folder = run_dir.resolve() / FOLDER
     folder.mkdir(exist_ok=True)
     folder.chmod(0o711)
@@ -47,19 +48,19 @@ def make_folder(run_dir: Path) -> Path:
 
 
 class SegmenterProcess:
-    """A SegmenterSidecar."""
+    """Implements SegmenterSidecar."""
 
     def __init__(
         self, process: subprocess.Popen[bytes], log: Path, clear: Callable[[], None] = lambda: None
     ) -> None:
-        """`clear`: removes what the process alone does not take along."""
+        """`clear`: removes leftovers that do not end with the process."""
         self._process = process
         self._log = log
         self._clear = clear
         self._output = b""
 
     def await_ready(self, stopped: Callable[[], bool]) -> None:
-        """Of itself it says no more than `ready`."""
+        """Waits for its `ready` line."""
         deadline = time.monotonic() + READY_TIMEOUT_S
         while not stopped():
             if b"ready\n" in self._output:
@@ -70,18 +71,18 @@ class SegmenterProcess:
                 raise PassingError(f"the segmenter was not ready within {READY_TIMEOUT_S:.0f} s")
 
     def ended(self) -> str | None:
-        """Of a container: as its client ended."""
+        """For a container, this is the end of its docker client process."""
         code = self._process.poll()
         return None if code is None else ending(code)
 
     def is_ready(self) -> bool:
-        """As it says."""
+        """Checks for its `ready` line without waiting."""
         if b"ready\n" not in self._output:
             self._read(0.0)
         return b"ready\n" in self._output
 
     def _read(self, patience_s: float) -> bool:
-        """False at the end of what it says."""
+        """Reads output; returns False at its end."""
         assert self._process.stdout is not None
         if not select.select([self._process.stdout], [], [], patience_s)[0]:
             return True
@@ -101,7 +102,7 @@ class SegmenterProcess:
         )
 
     def close(self) -> float | None:
-        """With SIGTERM, then SIGKILL."""
+        """Ends it with SIGTERM, then SIGKILL."""
         if self._process.stdout is None or self._process.stdout.closed:
             return None
         if self._process.poll() is None:
@@ -126,7 +127,7 @@ class SegmenterProcess:
 
 
 def command(socket: str, network: str, *options: str) -> list[str]:
-    """Of the segmenter itself."""
-    # It runs in another folder.
+    """Returns the command of the segmenter."""
+    # It runs in another working directory.
     named = str(Path(network).resolve()) if network.endswith(".yaml") else network
     return [sys.executable, "-m", MODULE, socket, named, *options]

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Starts the segmenter of a live run again where it died: one crash must not cost the rest of the
-run its masks (docs/masks.md)."""
+"""Restarts the segmenter of a live run when it dies: one crash must not cost the rest of the run
+its masks (docs/explanation/masks.md)."""
 
 import time
 from collections.abc import Callable
@@ -10,35 +10,37 @@ from slambed.engines.base import SegmenterSidecar
 from slambed.errors import SlambedError
 
 RESTART_PERIOD_S = 3.0
-"""No sooner after the last start: what dies at once must not keep a core busy with loading."""
+"""Minimum time between starts: a segmenter that dies at once must not keep a core busy with
+loading."""
 
 
 class Note(Protocol):
-    """Writes an event of the harness."""
+    """Logs an event of the harness."""
 
     def __call__(self, kind: str, **fields: object) -> None: ...
 
 
 class SegmenterKeeper:
-    """Holds the segmenter that there is; the edge calls again for every picture by itself."""
+    """Holds the current segmenter; the edge reconnects for every picture by itself."""
 
     def __init__(self, start: Callable[[], SegmenterSidecar]) -> None:
-        """`start`: beside the edge; raises SlambedError where there is no way."""
+        """`start`: starts one next to the edge; raises SlambedError if that fails."""
         self._start = start
         self._started_s = time.monotonic()
         self._process: SegmenterSidecar | None = start()
         self._reported_ready = True
         self._cpu_s: float | None = 0.0
         self.restarts = 0
-        """How often one that had died was started again."""
+        """Number of restarts after the segmenter had died."""
 
     def await_ready(self, stopped: Callable[[], bool]) -> None:
-        """Of the first, before the run begins."""
+        """Waits for the first segmenter, before the run begins."""
         assert self._process is not None
         self._process.await_ready(stopped)
 
     def act(self, note: Note, edge_lives: bool) -> None:
-        """What is due, without waiting for it. Without an edge there is nobody to segment for."""
+        """Restarts it if due, without waiting. Without a running edge there is nothing to
+        segment."""
         if self._process is not None and (how := self._process.ended()) is not None:
             note("segmenter_ended", how=how)
             self._close()
@@ -55,7 +57,8 @@ class SegmenterKeeper:
                 note("segmenter_not_started", reason=str(error))
 
     def close(self) -> float | None:
-        """CPU seconds of all of them; None where one did not live to report it."""
+        """Returns the CPU seconds of all segmenters; None if one died before it could report
+        them."""
         if self._process is not None:
             self._close()
         return self._cpu_s

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The sidecar of the nodes of a run: caps their threads, samples them, keeps the metronome.
+"""The sidecar of the nodes of a run: caps their threads, samples them, runs the metronome.
 
-Run as `python -m slambed.engines.sidecar`. It answers the messages of `sidecar_messages`, a line
-each, and ends with its input.
+Run as `python -m slambed.engines.sidecar`. It answers the messages of `sidecar_messages`, one per
+line, and ends with its input.
 """
 
 import contextlib
@@ -39,7 +39,7 @@ from slambed.sampling.tcp_info import TcpWatch
 
 SAMPLES_PER_S = 10.0
 SCAN_BEFORE_START_S = 0.005
-"""Threads appear while a node starts; none shall run free for long."""
+"""Scan period while nodes start: a new thread must not run uncapped for long."""
 METRONOME_TIMEOUT_S = 5.0
 
 
@@ -63,7 +63,7 @@ class Metronome:
                 self.real_time = message_in(line, TICKING, "metronome").real_time
 
     def stop(self) -> float:
-        """Ends it; returns the CPU time it took."""
+        """Ends it; returns its CPU time."""
         if self._process is None:
             return 0.0
         process, self._process = self._process, None
@@ -76,7 +76,7 @@ class Metronome:
 
 
 class SidecarServer:
-    """The sidecar: everything that is done for the nodes while they run."""
+    """Caps and samples the running nodes."""
 
     def __init__(self, asked: OpenSidecar, out: TextIO) -> None:
         if asked.cpus:
@@ -105,7 +105,7 @@ class SidecarServer:
         return watch
 
     def serve(self, requests: LineReader, answers: TextIO) -> None:
-        """Until the input ends or says stop."""
+        """Serves requests until the input ends or a stop request arrives."""
         send(answers, SidecarOpened(real_time_metronome=self._metronome.real_time))
         next_sample_s = time.monotonic()
         with contextlib.suppress(EOFError):
@@ -114,11 +114,11 @@ class SidecarServer:
                 now_s = time.monotonic()
                 if self._t0_ns is not None and now_s >= next_sample_s:
                     self._sampler.sample(self._t0_ns)
-                    # A late sample does not pull the following ones closer together.
+                    # After a late sample the following ones keep their distance.
                     next_sample_s = max(next_sample_s + 1 / SAMPLES_PER_S, now_s)
                 wait_s = SCAN_BEFORE_START_S
                 if self._t0_ns is not None:
-                    # From now on threads are looked for with each sample: one wake-up for both.
+                    # From now on each sample also scans for threads: one wake-up for both.
                     wait_s = max(0.0, next_sample_s - time.monotonic())
                 if (line := requests.next(wait_s)) is None:
                     continue
@@ -145,7 +145,7 @@ class SidecarServer:
         self._started = (time.monotonic(), time.process_time())
 
     def _follow(self, name: str, pid: int) -> None:
-        """A node was started again: other threads, perhaps another group."""
+        """A restarted node has other threads, and perhaps another cgroup."""
         for watch in self._watches:
             if watch.name == name:
                 watch.follow(pid)
@@ -171,7 +171,7 @@ class SidecarServer:
         return Stopped(usage=self._sampler.last(), threads=self._threads(), own=own)
 
     def _threads(self) -> dict[str, list[ThreadCap]]:
-        """What each thread was granted, in the order in which the threads began."""
+        """Returns the granted caps, in the order of the threads' start."""
         return {
             name: [
                 ThreadCap(
@@ -187,7 +187,7 @@ class SidecarServer:
         }
 
     def close(self) -> None:
-        """Leaves no group and no process behind."""
+        """Removes all cgroups and processes."""
         self._metronome.stop()
         for caps in self._caps.values():
             caps.release()
@@ -200,7 +200,7 @@ class SidecarServer:
 
 
 def main() -> None:
-    """Errors become the last answer."""
+    """Runs the sidecar; an error becomes its last answer."""
     requests = LineReader(sys.stdin.fileno())
     with last_answer(partial(send, sys.stdout)), _what_cannot_be_monitored():
         first = requests.next(None)

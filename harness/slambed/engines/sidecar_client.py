@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The harness's hold on the sidecar of the nodes (`slambed.engines.sidecar`)."""
+"""The harness side of the sidecar (`slambed.engines.sidecar`)."""
 
 import os
 import time
@@ -25,11 +25,11 @@ MODULE = "slambed.engines.sidecar"
 START_TIMEOUT_S = 20.0
 ANSWER_TIMEOUT_S = 10.0
 FINE_TICK_S = 1.5e-3
-"""A kernel that looks this often at quotas needs no metronome."""
+"""A kernel with such a short tick enforces quotas in time and needs no metronome."""
 
 
 class Host(Protocol):
-    """Of an engine: what starts sidecars."""
+    """The part of an engine that starts sidecars."""
 
     unprivileged: bool
 
@@ -37,8 +37,8 @@ class Host(Protocol):
 
 
 class SidecarClient:
-    """The harness's hold on the sidecar of a run (`engines.sidecar`): thread caps and metronome
-    from its making on, samples from `start` to `stop`."""
+    """The harness side of a run's sidecar (`engines.sidecar`): thread caps and metronome from
+    its creation on, samples from `start` to `stop`."""
 
     def __init__(
         self,
@@ -49,10 +49,10 @@ class SidecarClient:
         run_dir: Path,
         whole_groups: bool = False,
     ) -> None:
-        """`nodes`: those of this host; `whole_groups`: a node may be several processes, all of its
-        control group."""
+        """`nodes`: those on this host; `whole_groups`: a node may consist of all processes in
+        its cgroup."""
         samples = (run_dir / "samples.jsonl").resolve()
-        # Made here, so that it belongs to whoever runs the harness; a helper may be another user.
+        # Created here, so that it belongs to the harness's user; a helper may run as another user.
         samples.touch()
         samples.chmod(0o666)
         ticked = metronome_cpus(limits, cpus)
@@ -62,7 +62,7 @@ class SidecarClient:
                     pid=node.pid,
                     thread_cores=limits[role].thread_cores,
                     period_ms=limits[role].period_ms,
-                    # The edge sees the same connections from its end.
+                    # The edge would see the same connections from its side.
                     namespace=str(node.namespace) if role == "mobile" else None,
                 )
                 for role, node in nodes.items()
@@ -84,15 +84,16 @@ class SidecarClient:
             raise
 
     def start(self, t0_ns: int) -> None:
-        """Begins to sample; run time = CLOCK_MONOTONIC - t0_ns."""
+        """Starts sampling; run time = CLOCK_MONOTONIC - t0_ns."""
         self._process.ask(Start(t0_ns=t0_ns), Started, ANSWER_TIMEOUT_S)
 
     def follow(self, role: Role, node: Node) -> None:
-        """The node's program was started again."""
+        """Switches to the restarted program of a node."""
         self._process.ask(Follow(node=role, pid=node.pid), Following, ANSWER_TIMEOUT_S)
 
     def stop(self) -> Stopped:
-        """What was seen; ends after one last sample. Calling it again returns the same."""
+        """Takes one last sample, ends, and returns the results. Calling it again returns the
+        same results."""
         if self._seen is None:
             try:
                 seen = self._process.ask(Stop(), Stopped, ANSWER_TIMEOUT_S)
@@ -108,19 +109,20 @@ class SidecarClient:
 
 
 def free_cpus(cpus: dict[Role, list[int]], host: list[int]) -> list[int]:
-    """Where the sampler disturbs least: outside of both nodes, else outside of the mobile one."""
+    """Returns CPUs for the sampler: outside of both nodes, or else outside of the mobile one."""
     mobile = set(cpus.get("mobile", []))
     both = mobile.union(*cpus.values())
     return [c for c in host if c not in both] or [c for c in host if c not in mobile] or host
 
 
 def kernel_tick_s() -> float:
-    """How often the kernel's scheduler looks by itself: 1 / CONFIG_HZ."""
+    """Returns the tick period of the kernel's scheduler, 1 / CONFIG_HZ."""
     return time.clock_getres(6)  # CLOCK_MONOTONIC_COARSE, which advances with the tick
 
 
 def metronome_cpus(limits: dict[Role, Limits], cpus: dict[Role, list[int]]) -> list[int]:
-    """CPUs of nodes with a quota, on a kernel that looks at quotas too rarely."""
+    """Returns the CPUs of nodes with a quota, on a kernel whose tick is too long for short quota
+    periods."""
     if kernel_tick_s() <= FINE_TICK_S:
         return []
     limited = [cpus[role] for role, asked in limits.items() if asked.quota_cores is not None]

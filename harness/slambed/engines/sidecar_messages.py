@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What harness and sidecar of the nodes (`slambed.engines.sidecar`) say to each other."""
+"""Messages between the harness and the sidecar of the nodes (`slambed.engines.sidecar`)."""
 
 from typing import Annotated, Literal
 
@@ -11,41 +11,40 @@ from slambed.sampling.record import SidecarUse, ThreadCap
 
 
 class MonitoredNode(Message):
-    """A node as the sidecar has to know it."""
+    """A node to be monitored by the sidecar."""
 
     pid: int
-    """Of its first process, on the host."""
+    """Id of its first process on the host."""
     thread_cores: float | None
-    """Cap of each of its threads, in cores; null: none."""
+    """CPU cap of each of its threads, in cores; null: none."""
     period_ms: float
     """Length of a quota period."""
     namespace: str | None
-    """File of its network namespace, where its connections are watched."""
+    """File of its network namespace, if its TCP connections are sampled."""
 
 
 class OpenSidecar(Message):
-    """The first request: which nodes to monitor. Caps threads and keeps the metronome from then
-    on."""
+    """First request: which nodes to monitor. Thread caps and metronome start immediately."""
 
     request: Literal["open"] = "open"
     nodes: dict[str, MonitoredNode]
     """By role."""
     samples: str
-    """File that samples are written to."""
+    """File for the samples."""
     cpus: list[int]
-    """Where the process shall run; none: anywhere."""
+    """CPUs for the sidecar process; empty: any."""
     pace: str | None
-    """The program of the metronome; null: none is needed."""
+    """Program of the metronome; null: none is needed."""
     metronome_cpus: list[int]
-    """Those that it ticks on."""
+    """CPUs on which the metronome ticks."""
     helper: bool
-    """Whether this is a helper container, whose CPU group is not the host's."""
+    """Whether this is a helper container, whose CPU cgroup is not the host's."""
     whole_groups: bool
-    """Whether a node may be several processes, all of its control group."""
+    """Whether a node may consist of all processes in its cgroup."""
 
 
 class SidecarOpened(Message):
-    """The answer: from now on threads are capped."""
+    """Answer: thread caps are active."""
 
     reply: Literal["opened"] = "opened"
     real_time_metronome: bool | None
@@ -53,37 +52,37 @@ class SidecarOpened(Message):
 
 
 class Follow(Message):
-    """A node's program was started again."""
+    """Reports that a node's program was restarted."""
 
     request: Literal["follow"] = "follow"
     node: str
-    """Its role."""
+    """Role of the node."""
     pid: int
-    """Of the new process."""
+    """Id of the new process."""
 
 
 class Following(Message):
-    """The answer."""
+    """Answer."""
 
     reply: Literal["following"] = "following"
 
 
 class Stop(Message):
-    """One last sample; then the process ends."""
+    """Requests one last sample, then the end of the process."""
 
     request: Literal["stop"] = "stop"
 
 
 class Stopped(Message):
-    """The answer: what was seen."""
+    """Answer with the results."""
 
     reply: Literal["stopped"] = "stopped"
     usage: dict[str, Usage]
-    """Last counters of each node."""
+    """Final counters of each node."""
     threads: dict[str, list[ThreadCap]]
-    """Of nodes with caps: what each thread was granted, in the order in which they began."""
+    """For nodes with caps: each thread's granted cap, in the order of their start."""
     own: SidecarUse
-    """What sampling and metronome took themselves."""
+    """Resource use of the sampler and the metronome."""
 
 
 Request = Annotated[Start | Follow | Stop, Field(discriminator="request")]
@@ -92,7 +91,7 @@ REQUESTS: TypeAdapter[Start | Follow | Stop] = TypeAdapter(Request)
 
 
 class Ticking(Message):
-    """What `slambed-pace tick` says when it has begun."""
+    """Message of `slambed-pace tick` when it has started."""
 
     ready: Literal[True]
     """Always true."""

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What both engines of this host have in common: both nodes are here, and so is their clock."""
+"""Common to both engines of this host: both nodes and their clock are here."""
 
 import json
 import os
@@ -16,7 +16,7 @@ from slambed.spec.system import Role
 
 
 def write_start(run_dir: Path, t0_ns: int) -> None:
-    """`start.json`, which the nodes of this host wait for."""
+    """Writes `start.json`, which the nodes of this host wait for."""
     with replacing(run_dir / "start.json") as start:
         start.write_text(json.dumps({"t0_ns": t0_ns}))
         start.chmod(0o644)
@@ -31,10 +31,10 @@ class ThisHostEngine(ABC):
 
     @abstractmethod
     def sidecar_command(self, module: str, writable: list[Path]) -> list[str]:
-        """As in `Engine`."""
+        """See `Engine`."""
 
     def allot(self, limits: dict[Role, Limits]) -> dict[Role, list[int]]:
-        """Of this host's."""
+        """Returns CPUs of this host."""
         host = sorted(os.sched_getaffinity(0))
         return allot_cpus(limits["mobile"], limits.get("edge"), host)
 
@@ -46,13 +46,13 @@ class ThisHostEngine(ABC):
         run_dir: Path,
         whole_groups: bool,
     ) -> Sidecar:
-        """A process beside them."""
+        """Starts a process on this host."""
         return SidecarClient(self, nodes, limits, cpus, run_dir, whole_groups)
 
     def send_start(self, run_dir: Path, t0_ns: int) -> None:
-        """For all of them at once."""
+        """Writes one file for all nodes."""
         write_start(run_dir, t0_ns)
 
     def board_facts(self) -> BoardFacts | None:
-        """There is none."""
+        """Returns None."""
         return None

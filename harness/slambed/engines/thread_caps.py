@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Every thread of a node in a control group of its own, so that none is faster than the device.
+"""Puts every thread of a node into its own cgroup, so that none is faster than the device.
 
-A group's quota limits the sum over its threads: one busy thread would get all of it. Threads are
-found in /proc as they appear and moved into `<group of the node>/thread-<number>`.
+A cgroup's quota limits the sum over its threads, so one busy thread could use all of it. New
+threads are found in /proc and moved to `<cgroup of the node>/thread-<number>`.
 """
 
 import contextlib
@@ -23,7 +23,7 @@ US_PER_S = 1e6
 
 @dataclass
 class CappedThread:
-    """One thread and what the kernel granted it."""
+    """One thread and its granted cap."""
 
     pid: int
     tid: int
@@ -31,7 +31,7 @@ class CappedThread:
     stat_file: str
     name: str = ""
     cores: float | None = None
-    """Read back; None = no cap."""
+    """Read back from the kernel; None = no cap."""
     period_ms: float = 0.0
     throttled_s: float = 0.0
     throttled_periods: int = 0
@@ -43,12 +43,12 @@ class ThreadCaps:
     """The capped threads of one process."""
 
     pid: int
-    """0 once it has ended: its number may become another process's."""
+    """0 once it has ended, because its process id may be reused."""
     paths: CgroupPaths
     cores: float
     period_ms: float
     group: GroupProcesses | None = None
-    """Where the node may be several processes: all of them."""
+    """For a node that may consist of several processes: its cgroup's processes."""
     threads: dict[int, CappedThread] = field(default_factory=dict)
     _files: KeptFiles = field(default_factory=KeptFiles)
 
@@ -63,7 +63,7 @@ class ThreadCaps:
         return self.paths.v1("cpu") is not None
 
     def scan(self) -> None:
-        """Caps threads that are new, forgets those that have ended."""
+        """Caps new threads and removes those that have ended."""
         present = {tid: pid for pid, tid in threads_of(self.pid, self.group)} if self.pid else {}
         if not present:
             self.pid = 0
@@ -75,8 +75,8 @@ class ThreadCaps:
             self._forget(self.threads[tid])
 
     def read_names(self) -> None:
-        """Threads name themselves soon after their start, and the program replaces the start
-        barrier."""
+        """Reads names again: threads set them shortly after their start, and the program
+        replaces the shell of the start barrier."""
         for thread in self.threads.values():
             thread.name = thread_name(thread.pid, thread.tid) or thread.name
 
@@ -89,7 +89,7 @@ class ThreadCaps:
             (folder / members).write_text(str(tid))
         except OSError as error:
             if error.errno in GONE:
-                # The thread, or the whole group, has ended meanwhile.
+                # The thread or the whole cgroup has ended in the meantime.
                 with contextlib.suppress(OSError):
                     folder.rmdir()
                 return
@@ -108,8 +108,8 @@ class ThreadCaps:
         (folder / "cpu.cfs_quota_us").write_text(str(quota_us))
 
     def _limit_v2(self, folder: Path) -> None:
-        # First the type: with a threaded child the node's group may keep its processes and still
-        # hand the cpu controller down.
+        # The type first: with a threaded child the node's cgroup may keep its processes and still
+        # delegate the cpu controller.
         (folder / "cgroup.type").write_text("threaded")
         (folder.parent / "cgroup.subtree_control").write_text("+cpu")
         period_us, quota_us = self._quota()
@@ -130,7 +130,7 @@ class ThreadCaps:
         return cores, period_us / 1000
 
     def members(self) -> dict[int, list[int]]:
-        """Which threads the kernel has in each of our groups."""
+        """Returns the threads in each of our cgroups, as the kernel reports them."""
         name = "tasks" if self._is_v1 else "cgroup.threads"
         found = {}
         for tid, thread in self.threads.items():
@@ -139,7 +139,7 @@ class ThreadCaps:
         return found
 
     def read_throttling(self) -> tuple[float, int]:
-        """Seconds and periods that all threads so far were held back by their own caps."""
+        """Returns seconds and periods of throttling by the caps, over all threads so far."""
         for thread in self.threads.values():
             if thread.alive:
                 self._read(thread)
@@ -167,12 +167,12 @@ class ThreadCaps:
         thread.alive = thread.alive and thread.folder.exists()
 
     def release(self) -> None:
-        """Gives threads that still run back to the node's group and removes ours."""
+        """Moves running threads back to the node's cgroup and removes ours."""
         members = "tasks" if self._is_v1 else "cgroup.threads"
         for thread in self.threads.values():
             if thread.alive:
                 self._read(thread)
-                # Gone with its process, most likely.
+                # Most likely removed together with its process.
                 with contextlib.suppress(OSError):
                     (self._group / members).write_text(str(thread.tid))
                 self._forget(thread)

@@ -1,7 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""One virtual run: both nodes in one slambed-sim process under a discrete-event clock.
+"""One virtual run: both nodes in one slambed-sim process with a discrete-event clock.
 
-Needs no privilege. Equal specs give equal bytes, whatever else the host does (docs/virtual.md).
+It needs no privileges. Equal specs give bit-identical results, whatever the load on the host
+(docs/explanation/virtual-time.md).
 """
 
 import ctypes
@@ -35,26 +36,28 @@ from slambed.spec.device import CostModel, Device
 from slambed.spec.run_spec import RunSpec, canonical_json
 
 DRAIN_S = 30.0
-"""Virtual time after the last frame that the link's tables still cover."""
+"""Virtual time after the last frame that the link's tables cover."""
 LEAST_LIMIT_S = 120.0
 LIMIT_FACTOR = 20.0
-"""A run that computes (CPU time) for so many times its played time, and LEAST_LIMIT_S, hangs."""
+"""CPU time limit as a multiple of the played time, on top of LEAST_LIMIT_S; a run that exceeds
+it hangs."""
 WATCH_PERIOD_S = 0.25
 CACHE_BYTES = 4 << 30
-"""Feature and image caches beyond this size go, the longest unused first."""
+"""Maximum size of feature and image caches; the least recently used ones are removed first."""
 CACHES = (".features", ".images")
 NICE = 10
-"""A tenth of an ordinary process's share: with less, thirty jobs on a busy core would stall."""
+"""A tenth of an ordinary process's share; with less, thirty jobs on a busy core would stall."""
 AUTOGROUP_TRIES, AUTOGROUP_PAUSE_S = 60, 0.05
 PR_SET_PDEATHSIG = 1
 QUALITY = "jpeg_quality"
-"""Parameter of systems that send pictures; what the edge extracts from depends on it."""
+"""Parameter of systems that send pictures; features extracted on the edge depend on it."""
 SEEN_FROM = (QUALITY, "full_offload")
-"""Parameters that say whether features come from the pictures or from their JPEGs."""
+"""Parameters that decide whether features are extracted from raw or JPEG pictures."""
 
 
 def sim_config(spec: RunSpec, horizon_s: float, features: Path | None) -> SimConfig:
-    """The world around the nodes (docs/formats.md, "Virtual run")."""
+    """Returns the simulated environment of the nodes (docs/reference/run-folder.md, "Virtual
+    run")."""
     link: ModeledLink | None = None
     if spec.link is not None:
         profile = parse_profile(spec.link.content, f"profile {spec.link.profile}")
@@ -79,7 +82,7 @@ def sim_config(spec: RunSpec, horizon_s: float, features: Path | None) -> SimCon
         config = config.model_copy(update={"mask_caches": masks})
     if features is None or QUALITY not in spec.params:
         return config
-    # Where the pictures are that a system sends, beside the features.
+    # The JPEG cache lies next to the feature cache.
     key = canonical_json(
         {
             "sequence": spec.sequence_checksum,
@@ -100,13 +103,13 @@ def _model(device: Device) -> CostModel:
 
 
 def feature_key(spec: RunSpec) -> str:
-    """Everything that the features of a sequence depend on."""
+    """Returns everything that the features of a sequence depend on."""
     orb = {n: v for n, v in spec.params.items() if n.startswith("n_orb") or n in SEEN_FROM}
     return canonical_json({"sequence": spec.sequence_checksum, "software": spec.software, **orb})
 
 
 def feature_file(folder: Path, spec: RunSpec) -> Path:
-    """Where the features of this run's sequence are kept."""
+    """Returns the feature cache file of this run's sequence."""
     return _named(folder, feature_key(spec), ".features")
 
 
@@ -124,19 +127,19 @@ class VirtualRun:
     run_dir: Path
     program: Path
     features: Path | None
-    """Folder of feature caches; None: every run extracts for itself."""
+    """Folder of feature caches; None: every run extracts its own features."""
     least_limit_s: float = LEAST_LIMIT_S
     idle_limit_s: float = IDLE_LIMIT_S
 
     def execute(self, stop: threading.Event) -> RunResult:
-        """Runs to the end. A program that refuses its input, dies or computes for too long is an
-        outcome; one that stands still is a PassingError."""
+        """Executes the run. A program that refuses its input, dies or exceeds its CPU time is an
+        outcome; an idle one raises PassingError."""
         self._write_files()
         cache = feature_file(self.features, self.spec) if self.features else None
         with _made_once(cache):
             code = self._run(stop)
         if code is not None and ended_from_outside(code):
-            # No limit of ours kills it, so this says nothing about the system.
+            # We never kill it for a limit, so this is not the system's fault.
             raise KilledError(
                 f"{SIMULATION} of run {self.spec.run_key} was killed ({ending(code)}); "
                 "is there enough memory?"
@@ -151,7 +154,7 @@ class VirtualRun:
         )
 
     def _write_files(self) -> None:
-        # The output path is relative: equal runs in different folders leave equal files.
+        # The output path is relative, so that equal runs in different folders leave equal files.
         config = run_config(self.spec, str(self.sequence.resolve()), ".", self.played_s + DRAIN_S)
         (self.run_dir / "run.json").write_text(json.dumps(config.as_json(), indent=1))
         features = feature_file(self.features, self.spec).resolve() if self.features else None
@@ -163,7 +166,7 @@ class VirtualRun:
         write_planned(self.spec.faults, self.played_s, self.run_dir)
 
     def _run(self, stop: threading.Event) -> int | None:
-        """Exit code; None when it computed for too long."""
+        """Returns the exit code; None if it exceeded its CPU time."""
         with (self.run_dir / "log.txt").open("wb") as log:
             process = subprocess.Popen(
                 [str(self.program), "--config", "sim.json"],
@@ -171,7 +174,7 @@ class VirtualRun:
                 stdin=subprocess.DEVNULL,
                 stdout=log,
                 stderr=subprocess.STDOUT,
-                # Ctrl-C reaches the harness alone; and nothing outlives it.
+                # Ctrl-C reaches only the harness, and the simulation must not outlive it.
                 start_new_session=True,
                 preexec_fn=as_child,
             )
@@ -209,23 +212,24 @@ _LIBC = ctypes.CDLL(None)
 
 
 def as_child() -> None:
-    """For the simulation: the kernel ends it with the thread that started it, and a limit on the
-    size of files is an error that it reports."""
+    """Prepares the child: the kernel kills it with the thread that started it, and exceeding a
+    file size limit becomes an error that it reports."""
     signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
     _LIBC.prctl(PR_SET_PDEATHSIG, signal.SIGKILL, 0, 0, 0)
     go_behind()
 
 
 def go_behind() -> None:
-    """For a process: what is live on this host goes first; a virtual run has time of its own."""
+    """Lowers the priority of this process: live runs on this host come first, and virtual runs
+    are not time-critical."""
     os.setpriority(os.PRIO_PROCESS, 0, max(os.getpriority(os.PRIO_PROCESS, 0), NICE))
-    # Kernels with autogroups share CPUs out among sessions first, and this is a new one.
+    # Kernels with autogroups divide CPU time among sessions first, and this is a new session.
     for _ in range(AUTOGROUP_TRIES):
         try:
             Path("/proc/self/autogroup").write_text(str(NICE))
         except BlockingIOError:
-            # Who is not root may do that once in 0.1 s on the whole host, and root, who may always,
-            # begins these 0.1 s anew: beside a campaign of root's that takes its time.
+            # Non-root processes may do this once per 0.1 s on the whole host, and each change by
+            # root restarts that interval. Next to a campaign of root it may take a while.
             time.sleep(AUTOGROUP_PAUSE_S)
             continue
         except OSError:
@@ -235,7 +239,7 @@ def go_behind() -> None:
 
 @contextmanager
 def _made_once(cache: Path | None) -> Iterator[None]:
-    """While the cache is missing only one run may go on: it makes it, the others then use it."""
+    """While the cache is missing only one run continues and creates it; the others then use it."""
     if cache is None:
         yield
         return
@@ -258,7 +262,7 @@ def _made_once(cache: Path | None) -> Iterator[None]:
 
 
 def prune_features(folder: Path, limit_bytes: int = CACHE_BYTES) -> None:
-    """Removes what killed runs left and the longest unused caches beyond the limit."""
+    """Removes leftovers of killed runs, and the least recently used caches beyond the limit."""
     caches = (path for suffix in CACHES for path in folder.glob(f"*{suffix}*"))
     found = [(path.stat(), path) for path in caches if path.is_file()]
     left = limit_bytes

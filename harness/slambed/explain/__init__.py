@@ -1,2 +1,2 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What happened in one run, as a picture and in words; live and virtual runs alike."""
+"""Explains what happened in one live or virtual run, as a figure and in text."""

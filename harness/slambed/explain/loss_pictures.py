@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The pictures on both sides of a loss, with the points that both show."""
+"""Draws the frames before and at a track loss, with their feature matches."""
 
 from pathlib import Path
 
@@ -26,13 +26,13 @@ SIZE_IN = (13.0, 5.6)
 
 
 def losses_in(run: RunLog) -> list[TrackLoss]:
-    """The losses of a run, result or raw folder."""
+    """Returns the losses of a run, from a result or a raw folder."""
     parquet = run.folder / "events.parquet"
     return losses_of(stored_log(parquet, EVENTS) if parquet.is_file() else read_events(run.folder))
 
 
 def draw_loss(run: RunLog, loss: TrackLoss, path: Path) -> str:
-    """Writes the picture beside the time line's; returns a line that says where, or why not."""
+    """Writes the figure of a loss; returns a line with its path, or why there is none."""
     if loss.frame is None or loss.last_frame is None:
         return "no pictures: the events do not name the frames"
     checksum = (read_object(run.folder / "manifest.json") or {}).get("sequence_checksum")
@@ -44,7 +44,7 @@ def draw_loss(run: RunLog, loss: TrackLoss, path: Path) -> str:
 
 
 def figure_of_loss(sequence: PreparedSequence, loss: TrackLoss) -> Figure:
-    """The last frame with a pose, the lost one, and what matches between them by descriptors."""
+    """Draws the last frame with a pose, the lost frame, and the matches of their descriptors."""
     assert loss.frame is not None and loss.last_frame is not None
     figure, axes = plt.subplots(figsize=SIZE_IN)
     info, frames = sequence.info, (loss.last_frame, loss.frame)

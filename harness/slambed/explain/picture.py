@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The time line of a run: who computed what when, what was under way, states, RTT, losses."""
+"""Draws the timeline of a run: stages per worker, messages in flight, states, RTT, losses."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -48,26 +48,28 @@ STAGED_TICKS = {
     "update_ready": ("updates ready", "#009E73"),
 }
 STATES_HEIGHT, MORE_LANE = 3.2, 0.6
-"""In lanes: of states and ticks, and of each lane that only staged updates and rests add."""
+"""Heights in lanes: of states and ticks, and of each further lane for staged updates and
+suspensions."""
 ORDER = ("camera", "tracking", "map-update", "local-mapping", "receiver", "control", "rtt")
 """Workers from top to bottom; others follow by name."""
 
 
 @dataclass(frozen=True)
 class Window:
-    """The part of a run that is shown, in seconds of run time."""
+    """The shown part of a run, in seconds of run time."""
 
     begin_s: float
     end_s: float
 
 
 def draw(run: RunLog, window: Window, path: Path) -> None:
-    """Writes the picture; its format is the suffix (png, svg or pdf)."""
+    """Writes the figure; the suffix is its format (png, svg or pdf)."""
     save_picture(lambda: figure_of(run, window), path)
 
 
 def figure_of(run: RunLog, window: Window) -> Figure:
-    """One row of axes each for states, mobile, and, with an edge, messages, edge and RTT."""
+    """Draws one row of axes each for states, mobile, and with an edge for messages, edge and
+    RTT."""
     lanes = {node: _workers(run, node) for node in ("mobile", "edge")}
     has_edge = bool(lanes["edge"])
     rows: list[tuple[float, Callable[[Axes], None]]] = [
@@ -111,7 +113,7 @@ def figure_of(run: RunLog, window: Window) -> Figure:
 
 
 def _legend(axes: Axes, handles: list[Any] | None = None) -> None:
-    """Above the axes, where it hides nothing."""
+    """Puts the legend above the axes, where it hides nothing."""
     found = axes.get_legend_handles_labels()[0] if handles is None else handles
     if found:
         axes.legend(
@@ -137,7 +139,7 @@ def _color(stage: str) -> str:
 
 
 def _stages(run: RunLog, node: str, workers: list[str], axes: Axes) -> None:
-    """A box per stage; its lane is its worker."""
+    """Draws a box per stage, in the lane of its worker."""
     stages = run.of("stage", node=node)
     for lane, worker in enumerate(workers):
         own = stages[stages["worker"] == worker]
@@ -149,7 +151,7 @@ def _stages(run: RunLog, node: str, workers: list[str], axes: Axes) -> None:
             (lane - 0.4, 0.8),
             facecolors=colors,
             edgecolors=colors,
-            linewidth=LEAST_WIDTH,  # a stage shorter than a pixel is still seen
+            linewidth=LEAST_WIDTH,  # keeps stages shorter than a pixel visible
         )
     axes.set_yticks(range(len(workers)), workers)
     axes.set_ylim(max(len(workers), 1) - 0.4, -0.6)
@@ -158,7 +160,7 @@ def _stages(run: RunLog, node: str, workers: list[str], axes: Axes) -> None:
 
 
 def _messages(run: RunLog, axes: Axes) -> None:
-    """A line per message from the moment it was queued to its arrival; dropped ones end in an x."""
+    """Draws a line per message from queuing to arrival; dropped messages are an x."""
     messages = run.of("message")
     drop = messages["dropped"] == True if "dropped" in messages else messages["t_s"] < 0  # noqa: E712
     arrived = messages[~drop & messages["received_ns"].notna()]
@@ -187,7 +189,8 @@ def _more_lanes(run: RunLog) -> int:
 
 
 def _states(run: RunLog, axes: Axes) -> None:
-    """Strips of tracking and offloading state and of rests; ticks for drops, keyframes, updates."""
+    """Draws strips of tracking and offloading state and of suspended updates; ticks for drops,
+    keyframes, updates."""
     frames = run.of("frame_tracked")
     labels = ["tracking"]
     _strip(axes, 0, frames["t_s"], frames["state"], run.end_s)
@@ -236,7 +239,7 @@ def _strip(axes: Axes, lane: int, times: pd.Series, states: pd.Series, end_s: fl
 
 
 def _rtt(run: RunLog, axes: Axes, window: Window) -> None:
-    """What was asked, probed and seen by the sockets."""
+    """Draws the RTT as requested, as probed, and as measured by the sockets."""
     tops: list[float] = []
 
     def show(curve: pd.DataFrame, key: str, **look: Any) -> None:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Reads what the time line of a run needs."""
+"""Reads what the timeline of a run needs."""
 
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -22,7 +22,7 @@ NS_PER_S = 1e9
 
 @dataclass(frozen=True)
 class RunStatus:
-    """What the summary says about how the run ended and whether it is valid."""
+    """How the run ended and whether it is valid, from its summary."""
 
     outcome: str = "completed"
     outcome_reason: str | None = None
@@ -30,13 +30,14 @@ class RunStatus:
     invalid_reason: str | None = None
     attempts: int = 1
     steal_percent: float | None = None
-    """Of the host's CPU time over playback."""
+    """Steal time, in percent of the host's CPU time over playback."""
     virtual: bool = False
 
 
 @dataclass(frozen=True)
 class RunLog:
-    """One run: events of both nodes with `t_s` added, the link's series, and what it is called."""
+    """One run: events of both nodes with `t_s` (run time in s), the link's series, and its
+    title."""
 
     folder: Path
     title: str
@@ -46,26 +47,24 @@ class RunLog:
     samples: pd.DataFrame = field(default_factory=pd.DataFrame)
 
     def of(self, *types: str, node: str | None = None) -> pd.DataFrame:
-        """Events of these types in order of time."""
+        """Returns the events of these types, optionally of one node."""
         found = self.events[self.events["type"].isin(types)]
         return found if node is None else found[found["node"] == node]
 
     @property
     def end_s(self) -> float:
-        """Run time of the last event."""
+        """Returns the run time of the last event."""
         return float(self.events["t_s"].max()) if len(self.events) else 0.0
 
     def losses_s(self) -> list[float]:
-        """Run times at which tracking was lost."""
         return [float(t) for t in self.of("track_lost")["t_s"]]
 
     def faults(self) -> list[Span]:
-        """What went wrong on purpose."""
         rows = self.of("fault_began", "fault_ended").to_dict("records")
         return spans({str(key): value for key, value in row.items()} for row in rows)
 
     def steal_percent(self, begin_s: float, end_s: float) -> float | None:
-        """Of one of the host's processors, what its hypervisor gave to others in this time."""
+        """Returns the steal time in this interval, in percent of one CPU; None if unknown."""
         if "host_steal_s" not in self.samples:
             return None
         rows = self.samples.dropna(subset=["host_steal_s"])
@@ -77,7 +76,7 @@ class RunLog:
         return float(100.0 * stolen_s / span_s)
 
     def longest_stall(self) -> tuple[float, float] | None:
-        """When the host held the mobile node up for longest [s], and for how long [ms]."""
+        """Returns time [s] and length [ms] of the host's longest stall of the mobile node."""
         if self.status.virtual:
             return None
         rows = self.of("stage").to_dict("records")
@@ -86,7 +85,7 @@ class RunLog:
 
 
 def read_run(folder: Path) -> RunLog:
-    """Reads a result's run folder or a raw folder."""
+    """Reads a run from a result or a raw folder."""
     if (parquet := folder / "events.parquet").is_file():
         events = events_today(pq.read_table(parquet).to_pandas())
     else:
@@ -100,7 +99,7 @@ def read_run(folder: Path) -> RunLog:
 
 
 def _status(folder: Path) -> RunStatus:
-    """Of a result; a raw folder has no summary yet."""
+    """Returns the status from the summary; a raw folder has none yet and gets defaults."""
     summary = Summary.read(folder / "summary.json") or Summary()
     known = RunStatus()
     return RunStatus(

@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The frames that took longest, and where their time went: computing, throttled, stalled, queued.
+"""Finds the slowest frames, and where their time went: computing, throttled, stalled, queued.
 
-Stages report wall and CPU time of the thread that tracks. What is above CPU time was taken from it:
-by its limits (throttled), by whatever else ran on the host (stalled), or it waited for something
-else. Which of these is read off the node's counters in the samples, which are of all its threads
-and 100 ms apart, so a part is never more than they grew round the frame.
+Stages report wall and CPU time of the tracking thread. Wall time above CPU time was lost to its
+limits (throttled), to other load on the host (stalled), or to waiting for something else. The
+node's counters in the samples tell which. These cover all its threads and are 100 ms apart, so a
+part is never more than their growth around the frame.
 """
 
 from dataclasses import dataclass, field
@@ -19,7 +19,7 @@ from slambed.explain.run_log import RunLog
 Floats = NDArray[np.float64]
 
 TRACKING = ("extract", "track")
-"""Stages that the tracking thread alone does."""
+"""Stages of the tracking thread only."""
 TINY_MS = 1.0
 """Shorter parts are not reported."""
 MOST_STAGES = 4
@@ -35,38 +35,38 @@ WORDS = {
 
 @dataclass(frozen=True)
 class SlowFrame:
-    """One frame from being offered to the end of its tracking, in milliseconds."""
+    """One frame from being offered to the end of its tracking."""
 
     frame: int
     offered_s: float
     """Run time."""
     queued_ms: float
-    """Offered until tracking took it up."""
+    """From being offered to the start of tracking."""
     wall_ms: float
-    """Of its tracking."""
+    """Wall time of its tracking."""
     cpu_ms: float | None
-    """None where no stage of it was timed."""
+    """CPU time of its tracking; None if no stage was timed."""
     throttled_ms: float = 0.0
     stalled_ms: float = 0.0
-    """Able to run, within its limits, and not running."""
+    """Runnable within its limits, but not running."""
     waiting_ms: float = 0.0
-    """Above CPU time, and neither of these; what no stage timed is in it."""
+    """Other wall time above CPU time, including time outside of stages."""
     stages: dict[str, float] = field(default_factory=dict)
     """Wall time by stage."""
     concurrent: dict[str, float] = field(default_factory=dict)
-    """What other workers of the node computed meanwhile, by stage."""
+    """Wall time of the node's other workers during the frame, by stage."""
     cause: str = "computing"
-    """What made it longer than the usual frame; a key of WORDS."""
+    """Main reason why it took longer than the usual frame; a key of WORDS."""
 
     @property
     def total_ms(self) -> float:
-        """Offered until done."""
+        """Returns the time from being offered to the end of tracking."""
         return self.queued_ms + self.wall_ms
 
 
 def slowest(run: RunLog, count: int) -> list[SlowFrame]:
-    """The longest first. Raises SlambedError where the system does not report how long they
-    took."""
+    """Returns the slowest frames, longest first. Raises SlambedError if the system does not report
+    their times."""
     frames = run.of("frame_tracked", node="mobile")
     if frames.empty or "track_ms" not in frames or frames["track_ms"].isna().all():
         raise SlambedError("this system does not report how long its frames took")
@@ -83,7 +83,7 @@ def slowest(run: RunLog, count: int) -> list[SlowFrame]:
 
 
 def _usual_cpu_ms(frames: pd.DataFrame, stages: pd.DataFrame) -> float:
-    """CPU time of the median frame: of the stages that each frame has."""
+    """Returns the median over frames of the CPU time of the TRACKING stages."""
     own = stages[stages["name"].isin(TRACKING)]
     if own.empty or not len(frames):
         return 0.0
@@ -108,7 +108,7 @@ def _explained(
     untimed_ms = max(0.0, wall_ms - float(own["wall_ms"].sum()))
     throttled_ms, stalled_ms = _taken(run, begin_s, end_s, above_ms + untimed_ms)
     if run.status.virtual:
-        throttled_ms, stalled_ms = 0.0, above_ms  # a model has no limits; workers share its cores
+        throttled_ms, stalled_ms = 0.0, above_ms  # the model has no limits; workers share cores
     queued_ms = float(row["queued_ms"])
     waiting_ms = max(0.0, above_ms + untimed_ms - throttled_ms - stalled_ms)
     parts = {
@@ -141,7 +141,7 @@ def _sums(stages: pd.DataFrame) -> dict[str, float]:
 def _overlapping(
     stages: pd.DataFrame, begin_s: float, end_s: float, workers: set[str]
 ) -> pd.DataFrame:
-    """What others computed in this time, with only that part of it."""
+    """Returns the stages of other workers in this interval, cut to it."""
     others = stages[~stages["worker"].isin(workers)]
     began_s = others["t_s"] - others["wall_ms"] / 1e3
     common_s = np.minimum(others["t_s"], end_s) - np.maximum(began_s, begin_s)
@@ -149,8 +149,8 @@ def _overlapping(
 
 
 def _taken(run: RunLog, begin_s: float, end_s: float, missing_ms: float) -> tuple[float, float]:
-    """How much of the missing time the node was throttled and stalled for, as far as its counters
-    grew from the sample before the frame to the one after it."""
+    """Returns how much of the missing time was throttled and stalled. Neither exceeds the counters'
+    growth from the sample before the frame to the one after it."""
     if not len(run.samples) or missing_ms <= 0:
         return 0.0, 0.0
     own = run.samples[run.samples["node"] == "mobile"].sort_values("t_s")
@@ -168,7 +168,7 @@ def _taken(run: RunLog, begin_s: float, end_s: float, missing_ms: float) -> tupl
         return float(max(0.0, grown)) if np.isfinite(grown) else 0.0
 
     throttled = grown_ms("throttled_s")
-    # On most kernels a throttled thread counts as one that is able to run.
+    # On most kernels, run_delay includes the time of throttled threads.
     stalled = max(0.0, grown_ms("run_delay_s") - throttled)
     if throttled + stalled <= 0:
         return 0.0, 0.0
@@ -177,7 +177,7 @@ def _taken(run: RunLog, begin_s: float, end_s: float, missing_ms: float) -> tupl
 
 
 def report_lines(run: RunLog, frames: list[SlowFrame]) -> list[str]:
-    """A line per frame, and one about all of them."""
+    """Returns a line about all frames, and one per frame."""
     tracked = run.of("frame_tracked", node="mobile")
     usual = float(tracked["track_ms"].median())
     causes = pd.Series([frame.cause for frame in frames]).value_counts()
@@ -187,7 +187,6 @@ def report_lines(run: RunLog, frames: list[SlowFrame]) -> list[str]:
 
 
 def line_of(frame: SlowFrame, virtual: bool = False) -> str:
-    """One frame in a line."""
     cpu = "CPU time unknown" if frame.cpu_ms is None else f"{frame.cpu_ms:.1f} ms of it CPU"
     parts = [
         f"frame {frame.frame} at {frame.offered_s:.2f} s: {frame.total_ms:.1f} ms",

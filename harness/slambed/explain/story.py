@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What happened in a run, in lines: who was busy, how updates went, what preceded each loss."""
+"""Tells in lines what happened in a run: busy workers, updates, and what preceded each loss."""
 
 from collections.abc import Hashable
 from typing import Any
@@ -14,12 +14,12 @@ MOST_LOSSES = 5
 MOST_CHANGES = 12
 BEFORE_LOSS_S = 2.0
 NOTABLE_STALL_MS = 20.0
-"""Shorter stalls are what any busy host does."""
+"""Shorter stalls occur on any busy host."""
 WORDS = {"kill": "killed", "freeze": "frozen", "cut": "cut"}
 
 
 def story(run: RunLog) -> list[str]:
-    """One line per fact."""
+    """Returns one line per fact."""
     return [
         _frames(run), *_status(run), *_faults(run), *_busy(run), *_updates(run),
         *staged_update_lines(run, MOST_CHANGES), *_requests(run), *rest_lines(run, MOST_LOSSES),
@@ -39,7 +39,7 @@ def _frames(run: RunLog) -> str:
 
 
 def _status(run: RunLog) -> list[str]:
-    """How the system ended, whether the run is valid, and what the host did to it."""
+    """Returns how the system ended, whether the run is valid, and how the host disturbed it."""
     status, lines = run.status, []
     if status.outcome != "completed":
         why = f": {status.outcome_reason}" if status.outcome_reason else ""
@@ -59,7 +59,7 @@ def _status(run: RunLog) -> list[str]:
 
 
 def _stolen(run: RunLog, t_s: float) -> str:
-    """What of a processor neighbors had around this time, where it is worth a word."""
+    """Returns the steal time around this time, if it is notable."""
     steal = run.steal_percent(t_s - BEFORE_LOSS_S / 2, t_s + BEFORE_LOSS_S / 2)
     if steal is None or steal < NOTABLE_STEAL_PERCENT:
         return ""
@@ -107,7 +107,7 @@ def _updates(run: RunLog) -> list[str]:
 
 
 def _stalls(run: RunLog) -> list[str]:
-    """Channels with bytes under way of which none was acknowledged: the first ones, how many."""
+    """Returns the first stalls (bytes in flight, none acknowledged) and how many more there are."""
     events = run.of("link")
     stall_events = events[events["event"] == "stalled"] if len(events) else events
     lines = []
@@ -129,19 +129,19 @@ def _stalls(run: RunLog) -> list[str]:
 
 
 def _requests(run: RunLog) -> list[str]:
-    """Lost frames that the edge was asked for."""
+    """Returns a line about lost frames sent to the edge."""
     asked = run.of("reloc_request")
     if asked.empty:
         return []
     replies = run.of("reloc_reply")
-    used = int(replies["reason"].isna().sum())  # who is not used says why
+    used = int(replies["reason"].isna().sum())  # replies that were not used have a reason
     reasons = replies["reason"].value_counts()
     others = "".join(f", {reason} {count}" for reason, count in reasons.items())
     return [f"{_count(len(asked), 'lost frame')} sent to the edge: {used} found and used{others}"]
 
 
 def _states(run: RunLog) -> list[str]:
-    """The choices of a system that changes its state: each one, or how often which was made."""
+    """Returns each state change of the system, or counts of them if there are many."""
     changes = run.of("state_changed")
     if len(changes) <= MOST_CHANGES:
         return [_change(change) for change in changes.to_dict("records")]

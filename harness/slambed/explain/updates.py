@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Staged map updates from their begin to their swap, and the rests of updates after losses."""
+"""Staged map updates from begin to swap, and suspensions of updates after losses."""
 
 from dataclasses import dataclass, replace
 
@@ -8,25 +8,25 @@ from slambed.explain.run_log import RunLog
 
 @dataclass(frozen=True)
 class StagedUpdate:
-    """One update that was filled beside tracking. Times in s of run time; None: not by the end."""
+    """One update that was prepared in parallel to tracking. Times in s of run time; None if not
+    reached."""
 
     update: int
     begun_s: float
     ready_s: float | None = None
     ended_s: float | None = None
-    """The end of the swap, or when the update was declined."""
+    """End of the swap, or time of the refusal."""
     declined: str | None = None
     pause_ms: float | None = None
-    """How long tracking stood still, a part of the time from ready to the end of the swap."""
+    """How long tracking paused, which is part of the time from ready to the end of the swap."""
 
     @property
     def ready_ms(self) -> float | None:
-        """From begin to ready."""
         return None if self.ready_s is None else 1e3 * (self.ready_s - self.begun_s)
 
     @property
     def swap_ms(self) -> float | None:
-        """From ready to the end of the swap; None where there was none."""
+        """Returns the time from ready to the end of the swap; None without a swap."""
         if self.ready_s is None or self.ended_s is None or self.declined is not None:
             return None
         return 1e3 * (self.ended_s - self.ready_s)
@@ -34,17 +34,19 @@ class StagedUpdate:
 
 @dataclass(frozen=True)
 class Rest:
-    """From a loss to its recovery, in s of run time: no update leaves or is applied meanwhile."""
+    """A suspension of updates from a loss to its recovery, in s of run time: no update is sent or
+    applied."""
 
     begin_s: float
     end_s: float | None
-    """None: the loss lasted to the end."""
+    """None if the loss lasted to the end."""
 
 
 def staged_updates(run: RunLog) -> list[StagedUpdate]:
-    """In order of their begin; none where a system does not stage its updates."""
+    """Returns staged updates in order of their begin; empty if the system does not stage
+    updates."""
     found: list[StagedUpdate] = []
-    under_way: dict[int, int] = {}  # an edge that is started again counts from the beginning
+    under_way: dict[int, int] = {}  # a restarted edge reuses numbers
     events = run.of("update_begun", "update_ready", "update_applied", "update_declined")
     for event in events.to_dict("records"):
         number, t_s = int(event["update"]), float(event["t_s"])
@@ -68,7 +70,7 @@ def staged_updates(run: RunLog) -> list[StagedUpdate]:
 
 
 def rests(run: RunLog) -> list[Rest]:
-    """In order of time."""
+    """Returns suspensions in order of time."""
     found: list[Rest] = []
     begin_s: float | None = None
     for event in run.of("suspended", "resumed").to_dict("records"):
@@ -81,7 +83,7 @@ def rests(run: RunLog) -> list[Rest]:
 
 
 def staged_update_lines(run: RunLog, most: int) -> list[str]:
-    """All updates in a line, and a line for each of the first ones."""
+    """Returns a line about all updates, and one for each of the first `most`."""
     staged = staged_updates(run)
     if not staged:
         return []
@@ -104,7 +106,7 @@ def staged_update_lines(run: RunLog, most: int) -> list[str]:
 
 def _line(update: StagedUpdate, pauses: list[Rest], end_s: float) -> str:
     begun = f"update {update.update} begun at {update.begun_s:.2f} s"
-    # A restart of the edge or the end of playback leaves some behind.
+    # An edge restart or the end of playback leaves some updates unfinished.
     since_s = update.begun_s if update.ready_s is None else update.ready_s
     until_s = end_s if update.ended_s is None else update.ended_s
     after = _ms(1e3 * (until_s - since_s))
@@ -125,7 +127,7 @@ def _line(update: StagedUpdate, pauses: list[Rest], end_s: float) -> str:
 
 
 def rest_lines(run: RunLog, most: int) -> list[str]:
-    """A line for each of the first ones."""
+    """Returns a line for each of the first `most` suspensions."""
     found, lines = rests(run), []
     for rest in found[:most]:
         end_s = run.end_s if rest.end_s is None else rest.end_s

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A look inside one run: a PNG always, a Rerun recording where rerun-sdk is installed."""
+"""Draws the path of one run: as PNG, and as Rerun recording if rerun-sdk is installed."""
 
 import importlib
 from dataclasses import dataclass
@@ -22,7 +22,7 @@ from slambed.spec.run_spec import run_name
 
 @dataclass(frozen=True)
 class RunView:
-    """One run with everything that can be shown of it."""
+    """One run with everything that can be drawn."""
 
     results: Results
     run_key: str
@@ -30,11 +30,11 @@ class RunView:
     estimate: Trajectory | None
     truth: Trajectory | None
     alignment: Alignment | None
-    """Moves the estimate's frame into the truth's, where both are known."""
+    """From the estimate's frame to the ground truth's; None if unknown."""
 
 
 def view_of(folder: Path) -> RunView:
-    """The run of a folder as its experiment has it."""
+    """Loads the run of a folder via its experiment."""
     results, run_key = load(folder.parents[1]), folder.name
     rows = results.runs[results.runs["run_key"] == run_key]
     if not len(rows):
@@ -50,12 +50,12 @@ def view_of(folder: Path) -> RunView:
             alignment = alignment_of(estimate, truth, row["ate_alignment"])
             truth = played(truth, [estimate])
         except SlambedError:
-            alignment = None  # too few poses to align: shown in its own frame
+            alignment = None  # too few poses to align: drawn in its own frame
     return RunView(results, run_key, row, estimate, truth, alignment)
 
 
 def write_png(view: RunView, folder: Path) -> Path:
-    """Trajectory over the played ground truth with keyframes, seen from two sides."""
+    """Draws trajectory, keyframes and the played ground truth in two projections."""
     if view.estimate is None:
         raise SlambedError(f"run {view.run_key} has no trajectory, nothing to draw")
     estimate = view.alignment.apply_to(view.estimate) if view.alignment else view.estimate
@@ -98,7 +98,7 @@ def write_png(view: RunView, folder: Path) -> Path:
 
 
 def _keyframe_positions(view: RunView, estimate: Trajectory) -> Floats:
-    """Where the camera was when each keyframe was made."""
+    """Returns the camera positions at which keyframes were created. Shape: (n, 3)."""
     events = view.results.table(view.run_key, "events")
     origin = recorded_origin_s(view)
     if events is None or origin is None:
@@ -110,8 +110,8 @@ def _keyframe_positions(view: RunView, estimate: Trajectory) -> Floats:
 
 
 def recorded_origin_s(view: RunView) -> float | None:
-    """Recorded time of the first played frame: trajectories have recorded time, events count from
-    that frame."""
+    """Returns the recorded time of the first played frame: trajectories use recorded time, events
+    count from that frame."""
     events = view.results.table(view.run_key, "events")
     if events is None or view.estimate is None or not len(view.estimate):
         return None
@@ -122,8 +122,8 @@ def recorded_origin_s(view: RunView) -> float | None:
 
 
 def write_rerun(view: RunView, path: Path, sequence: Path | None = None) -> Path:
-    """A Rerun recording: paths, state and RTT on one time line; images of the
-    prepared `sequence` where given. Raises SlambedError without rerun-sdk."""
+    """Writes a Rerun recording: paths, state and RTT on one timeline, with images of `sequence` if
+    given. Raises SlambedError without rerun-sdk."""
     try:
         sdk: Any = importlib.import_module("rerun")
     except ImportError:

@@ -1,2 +1,2 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Files that are whole or not there, JSON and YAML with checks, files that a user named."""
+"""Atomic files, checked JSON and YAML files, and files that a user named."""

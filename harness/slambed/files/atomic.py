@@ -1,6 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Files that are there whole or not at all: written beside their place, then renamed to it; and
-one process at a time that makes them."""
+"""Atomic files: written under a temporary name, then renamed; and locks for their creation."""
 
 import fcntl
 import os
@@ -12,14 +11,15 @@ from typing import IO
 
 @contextmanager
 def replacing(path: Path, *, rivals: bool = False, durable: bool = False) -> Iterator[Path]:
-    """Gives a hidden file beside `path` to write, which takes its place when the block ends well.
+    """Yields a hidden file next to `path` that replaces it when the block succeeds.
 
-    A kill leaves the old file or the new one at `path`; an error leaves the old one and nothing
-    beside it.
+    After a kill `path` holds the old or the new file. After an error it holds the old file, and the
+    hidden file is removed.
 
-    rivals: other processes may write the same file at the same time; each has a file of its own
-    then, which a kill leaves behind.
-    durable: the content reaches the disk before the name does, so that power may fail too.
+    rivals: other processes may write the same path concurrently. Each one has its own hidden file,
+    which a kill leaves behind.
+
+    durable: the content is synced to disk before the rename, so that it survives a power failure.
     """
     own = f"{os.getpid()}." if rivals else ""
     partial = path.with_name(f".{path.name}.{own}partial")
@@ -31,15 +31,15 @@ def replacing(path: Path, *, rivals: bool = False, durable: bool = False) -> Ite
         partial.rename(path)
     except BaseException as error:
         if isinstance(error, OSError) and error.filename is None:
-            error.filename = str(path)  # whoever reports it shall know where
+            error.filename = str(path)  # so that the error names the file
         with suppress(OSError):
             partial.unlink(missing_ok=True)
         raise
 
 
 def lock_file(file: IO[str], what: str, notify: Callable[[str], None]) -> None:
-    """Locks an open file for as long as it is open. Whoever has to wait says for what, and that it
-    goes on."""
+    """Locks an open file until it is closed. Notifies before waiting for another process, and
+    after."""
     try:
         fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
     except BlockingIOError:

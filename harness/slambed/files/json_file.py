@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""JSON objects from files that a killed program may have left torn."""
+"""JSON objects from files that a killed program may have left truncated."""
 
 import json
 from pathlib import Path
@@ -16,17 +16,17 @@ from pydantic import (
 
 
 class Record(BaseModel):
-    """An object of a file, or a part of one: what has keys of its own is a model of this kind.
+    """A JSON object of a file, or a nested object with its own keys.
 
-    What older and newer versions wrote besides is not read. Keys that were never set are not
-    written: null says that something was asked for and not found.
+    Unknown keys of older and newer versions are ignored. Keys that were never set are not written:
+    null means that a value was looked for and not found.
     """
 
     model_config = ConfigDict(extra="ignore", frozen=True)
 
     @classmethod
     def read(cls, path: Path) -> Self | None:
-        """From a file; None when it is not there, not whole, or no record of this kind."""
+        """Reads a file; None if it is missing, truncated or no record of this kind."""
         try:
             return cls.model_validate_json(path.read_bytes())
         except (OSError, ValueError):
@@ -34,8 +34,8 @@ class Record(BaseModel):
 
     @classmethod
     def read_or_complain(cls, path: Path, problems: list[str]) -> Self:
-        """From a file; one without anything where it is not there, or where it cannot be read: that
-        becomes a line in `problems`."""
+        """Reads a file. A missing file gives an empty record; so does an unreadable one, which
+        also adds a line to `problems`."""
         try:
             return cls.model_validate_json(path.read_bytes())
         except FileNotFoundError:
@@ -54,12 +54,12 @@ class Record(BaseModel):
         return {key: value for key, value in found.items() if key in self.model_fields_set}
 
     def as_json(self) -> dict[str, JsonValue]:
-        """As it is written."""
+        """Returns the record as it is written."""
         return self.model_dump(mode="json")
 
 
 def read_object(path: Path) -> dict[str, Any] | None:
-    """A JSON object, None when it is not there or not whole."""
+    """Reads a JSON object; None if the file is missing or truncated."""
     try:
         content = json.loads(path.read_bytes())
     except (OSError, ValueError):
@@ -70,8 +70,8 @@ def read_object(path: Path) -> dict[str, Any] | None:
 def object_or_empty(
     path: Path, problems: list[str] | None = None, needed: bool = False
 ) -> dict[str, Any]:
-    """The object, or an empty one; what cannot be read (or is `needed` and missing) becomes a line
-    in `problems`."""
+    """Reads a JSON object, empty on failure. An unreadable file, or a missing one that is
+    `needed`, adds a line to `problems`."""
     complaints = problems if problems is not None else []
     try:
         content = json.loads(path.read_bytes())
@@ -86,7 +86,7 @@ def object_or_empty(
 
 
 def read_list(path: Path) -> list[Any]:
-    """A JSON list; an empty one when it is not there or not whole."""
+    """Reads a JSON list; empty if the file is missing or truncated."""
     try:
         content = json.loads(path.read_bytes())
     except (OSError, ValueError):

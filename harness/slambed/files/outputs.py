@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Files and folders that a user named: what cannot be written is reported in one line."""
+"""Files and folders that a user named: an unwritable one is reported in one line."""
 
 import errno
 import os
@@ -14,7 +14,7 @@ FIGURES = (".png", ".svg", ".pdf")
 
 @contextmanager
 def writing(path: Path, option: str = "--output") -> Iterator[None]:
-    """Around whatever writes to the place that `option` named."""
+    """Turns an OSError while writing to the path given by `option` into a SlambedError."""
     try:
         yield
     except OSError as refused:
@@ -23,7 +23,7 @@ def writing(path: Path, option: str = "--output") -> Iterator[None]:
 
 
 def make_folder(path: Path, option: str) -> None:
-    """The folder that `option` named, with all above it."""
+    """Creates the folder given by `option`, with its parents."""
     with writing(path, option):
         path.mkdir(parents=True, exist_ok=True)
         if not os.access(path, os.W_OK | os.X_OK):
@@ -31,7 +31,7 @@ def make_folder(path: Path, option: str) -> None:
 
 
 def figure_file(path: Path) -> Path:
-    """The name that a figure gets: PNG where the user named no kind of picture."""
+    """Returns the file name of a figure; PNG is the default format."""
     if path.suffix == "":
         return path.with_name(f"{path.name}.png")
     if path.suffix not in FIGURES:

@@ -24,7 +24,7 @@ KINDS = {
     "dict_type": "a mapping",
     "model_type": "a mapping",
 }
-"""What pydantic misses, by its type of error, in words of YAML."""
+"""Error type of pydantic -> what was expected, in terms of YAML."""
 Model = TypeVar("Model", bound=BaseModel)
 
 
@@ -37,14 +37,14 @@ class YamlSource:
     lines: dict[Location, int] = field(repr=False)
 
     def line_of(self, location: Location) -> int:
-        """Line of the deepest part of `location` that is written in the file."""
+        """Returns the line of the deepest part of `location` that is written in the file."""
         for length in range(len(location), 0, -1):
             if (line := self.lines.get(location[:length])) is not None:
                 return line
         return 1
 
     def complaint(self, what: str, location: Location = (), advice: str = "") -> SlambedError:
-        """`what, where` in the form every error of slambed has."""
+        """Returns an error of the form `what, where; advice`, like every error of slambed."""
         place = f"{self.path} line {self.line_of(location)}"
         return SlambedError(f"{what}, {place}" + (f"; {advice}" if advice else ""))
 
@@ -98,7 +98,7 @@ def _construct(
             key = loader.construct_object(key_node)
             line = key_node.start_mark.line + 1
             if not isinstance(key, str | int | float) or isinstance(key, bool):
-                # YAML 1.1 reads a bare `on` or `no` as true/false: a trap worth naming.
+                # YAML 1.1 reads an unquoted `on` or `no` as true/false.
                 raise SlambedError(f"key {key!r} is not text (quote it), {path} line {line}")
             if key in mapping:
                 raise SlambedError(f"key '{key}' is given twice, {path} line {line}")
@@ -114,7 +114,7 @@ def _construct(
 
 
 def parse(model: type[Model], source: YamlSource) -> Model:
-    """Checks `source` against `model`; the first complaint becomes one line with its place."""
+    """Validates `source` against `model`; the first error becomes one line with its place."""
     if not isinstance(source.data, dict):
         raise source.complaint("expected a mapping of keys")
     try:
@@ -124,8 +124,8 @@ def parse(model: type[Model], source: YamlSource) -> Model:
 
 
 def read_model(model: type[Model], path: Path) -> Model:
-    """A YAML file that is one `model`; of the same text the same object, which nobody may change: a
-    campaign and its report ask several times for each dataset and each paper."""
+    """Reads a YAML file that is one `model`. The same text returns the same cached object, which
+    callers must not change: a campaign and its report read each dataset and paper several times."""
     found: Model = _model(model, path, _text(path))
     return found
 
@@ -136,10 +136,9 @@ def _model(model: type[Model], path: Path, text: str) -> Model:
 
 
 def _explain(model: type[BaseModel], source: YamlSource, items: list[Any]) -> SlambedError:
-    """Of several mistakes an unknown key is reported first: it explains a "missing" one next to
-    it."""
-    # Union branches add their own name to the location; they are not in the file.
-    # What is missing is in no file; nor is a key that the command line has put there (--set).
+    """Reports an unknown key first: it explains a "missing" one next to it."""
+    # Union branches add their own names to the location, which are not in the file. Missing keys
+    # and keys set by the command line (--set) are not in the file either.
     open_ends = ("missing", "extra_forbidden")
     found = [(_written(source, tuple(i["loc"]), i["type"] in open_ends), i) for i in items]
     found = [(place, item) for place, item in found if not _is_inside(place, item, found)]
@@ -156,13 +155,14 @@ def _explain(model: type[BaseModel], source: YamlSource, items: list[Any]) -> Sl
 
 
 def _is_inside(location: Location, item: Any, found: list[tuple[Location, Any]]) -> bool:
-    """Who writes a mapping where a name would do as well has a mistake inside the mapping."""
+    """A mapping where a plain name is also allowed: report the mistake inside the mapping
+    instead."""
     deeper = (place[: len(location)] == location != place for place, _ in found)
     return item["type"] in KINDS and any(deeper)
 
 
 def _written(source: YamlSource, location: Location, open_end: bool) -> Location:
-    """The part of `location` that is in the file, with an open end also its last key."""
+    """Returns the part of `location` that is in the file; with `open_end` also its last key."""
     kept: Location = ()
     for index, part in enumerate(location):
         last = index == len(location) - 1
@@ -172,7 +172,8 @@ def _written(source: YamlSource, location: Location, open_end: bool) -> Location
 
 
 def mistake(items: list[Any]) -> str:
-    """What pydantic's errors about one place say: what was expected, and what is written there."""
+    """Summarizes pydantic's errors about one place: what was expected, and what is written
+    there."""
     kinds = dict.fromkeys(KINDS[item["type"]] for item in items if item["type"] in KINDS)
     first = items[0]
     if first["type"] in KINDS:
@@ -190,7 +191,7 @@ def mistake(items: list[Any]) -> str:
 
 
 def in_words(value: object) -> str:
-    """A value of a YAML file for a complaint; what is not one value by its kind."""
+    """Formats a YAML value for a complaint; a mapping or list only by its kind."""
     if value is None or isinstance(value, bool):
         return {None: "null", True: "true", False: "false"}[value]
     if isinstance(value, dict):
@@ -199,7 +200,7 @@ def in_words(value: object) -> str:
 
 
 def _fields_at(model: type[BaseModel], location: Location) -> list[str]:
-    """Keys that the model allows at a place in the file."""
+    """Returns the keys that the model allows at a place in the file."""
     current: list[Any] = [model]
     for part in location:
         following: list[Any] = []

@@ -1,2 +1,2 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a paper leaves open, fitted on one of its tables and predicting the others."""
+"""Fits a paper's unknown parameters to one of its tables and predicts the others."""

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Runs of points through the campaign engine, and the counts that they come to.
+"""Executes the runs of points with the campaign engine, and counts their losses.
 
-Each stage is written as ordinary experiments (`slambed run` takes them too), so that runs are kept
-by their keys and a second call repeats none.
+Each stage is written as ordinary experiments, which `slambed run` accepts too. Their runs are
+stored by key, so a second call repeats none.
 """
 
 from collections.abc import Iterable, Mapping, Sequence
@@ -30,47 +30,47 @@ from slambed.report.load import load
 from slambed.spec.device import VIRTUAL
 
 LEFT_OUT = ("grid", "reproduces", "report")
-"""Keys of an experiment's file that one written from it does not have."""
+"""Keys that are not copied from an experiment's file into one derived from it."""
 
 
 class StoppedError(Exception):
-    """Somebody interrupted a stage."""
+    """The user interrupted a stage."""
 
 
 @dataclass
 class Campaign:
-    """Executes stages of one plan. `plans` goes into the manifests of what is executed."""
+    """Executes the stages of one plan."""
 
     rows: Rows
     name: str
-    """Of the plan and its form: what its experiments begin with."""
+    """Name of the plan and its form, the prefix of its experiments."""
     folder: Path
     options: Options
     console: Console
     asked: set[tuple[Made, int]] = field(default_factory=set)
-    """Every (cell, repetition) of all stages so far."""
+    """Every (cell, repetition) requested so far, over all stages."""
     runs: list[pd.DataFrame] = field(default_factory=list)
-    """What was read, for who asks under which plan it was made."""
+    """Runs read so far, used to check the plan they were made under."""
     verdicts: list[CampaignOutcome] = field(default_factory=list)
     stages: int = 0
     stand_ins: set[str] = field(default_factory=set)
-    """What was played and is not the paper's sequence."""
+    """Datasets that were played instead of the paper's sequence."""
 
     def cells_of(self, points: Iterable[Point], cells: Iterable[str]) -> set[Made]:
-        """What has to be run for these numbers at these points."""
+        """Returns the cells that these numbers need at these points."""
         slots = self.rows.places.slots(cells)
         return {self.rows.made(slot, point) for point in points for slot in slots}
 
     def further(self, points: Iterable[Point], cells: Iterable[str], runs: int) -> int:
-        """How many runs these would add to those of the stages so far."""
+        """Returns how many runs these would add to those requested so far."""
         wanted = {(made, k) for made in self.cells_of(points, cells) for k in range(runs)}
         return len(wanted - self.asked)
 
     def measure(
         self, stage: str, points: Sequence[Point], cells: Sequence[str], runs: int
     ) -> dict[Point, dict[str, Measured]]:
-        """Our values at every point, of just so many runs. Raises StoppedError where somebody
-        interrupted it, and SlambedError where a cell has no run that counts."""
+        """Returns our values at every point, from exactly `runs` runs. Raises StoppedError on an
+        interrupt, and SlambedError if a cell has no valid run."""
         self.stages += 1
         pools = self._execute(f"{self.stages}-{stage}", points, cells, runs)
         self.asked |= {(m, k) for m in self.cells_of(points, cells) for k in range(runs)}
@@ -79,7 +79,7 @@ class Campaign:
     def counts(
         self, stage: str, points: Sequence[Point], cells: Sequence[str], runs: int
     ) -> Mapping[Point, Counts]:
-        """The same as counts. Raises SlambedError where a cell cannot be put beside the paper's."""
+        """Returns the values of `measure` as counts. Raises SlambedError if a cell has no value."""
         found = self.measure(stage, points, cells, runs)
         for point, own in found.items():
             for cell, measured in own.items():
@@ -89,8 +89,8 @@ class Campaign:
         return {point: {c: m.share for c, m in own.items()} for point, own in found.items()}
 
     def seconds_per_run(self) -> float:
-        """Of one run, with as many beside it as there may be: as measured in earlier stages, else
-        a first guess."""
+        """Returns the time of one run with `jobs` runs in parallel, as measured in earlier stages,
+        else a first guess."""
         results = self.options.results
         ledgers = sorted(results.glob(f"{self.name}.*/ledger.jsonl"))
         known = [s for path in ledgers if (s := seconds_per_run(path)) is not None]
@@ -123,7 +123,7 @@ class Campaign:
     def _written(
         self, stage: str, points: Sequence[Point], cells: Sequence[str], runs: int
     ) -> list[tuple[Path, list[Made]]]:
-        """The stage's experiments: one per experiment of the plan and dataset."""
+        """Writes the stage's experiments: one per experiment of the plan and dataset."""
         groups: dict[tuple[str, str], dict[str, tuple[dict[str, Any], list[Made]]]] = {}
         for slot in self.rows.places.slots(cells):
             for point in points:
@@ -185,7 +185,7 @@ class Campaign:
         return content
 
     def _profiles(self, experiment: str) -> dict[str, Any]:
-        """Profiles of the experiment by name, as its file writes them."""
+        """Maps profile names to the profiles as the experiment's file writes them."""
         base = self.rows.places.bases[experiment]
         written = base.source.data["link"]["profiles"]
         return dict(zip(base.profiles, written, strict=True))
@@ -198,7 +198,7 @@ class Campaign:
         runs = pd.concat([own for _, own in parts], ignore_index=True)
         if not len(runs):
             raise SlambedError(f"no run that counts for {cell} at {point.words()}; see its report")
-        # What was played may be an open item: it is the paper's sequence or stands in for it.
+        # The dataset may be an open item, so each run's may be the paper's sequence or a stand-in.
         conditions = dict(place.cell.conditions)
         where = self.rows.places.paper.datasets[str(conditions["dataset"])]
         others = set(runs["dataset"]) - set(matching(runs, {"dataset": where.match})["dataset"])

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Which points are looked at, and how often: spread over what is open, in rounds of more runs."""
+"""Chooses the points, spread over the open items, and the runs per round."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -13,48 +13,47 @@ from slambed.infer.inference_plan import Form, OpenItem
 from slambed.spec.system import Scalar
 
 DIGITS = 3
-"""Of the values of a range: enough to distinguish points, few enough to read."""
+"""Significant digits of values in a range: enough to distinguish points, few enough to read."""
 MORE = 2
-"""Each round has so many times the runs of the one before."""
+"""Factor of runs from one round to the next."""
 MOST_DRAWS = 64
-"""Per point wanted: where so many draws give no new one there is none."""
+"""Batches of draws after which the space is taken to have no more points."""
 
 
 @dataclass(frozen=True)
 class Point:
-    """A value for everything that is open, in the plan's order."""
+    """A value for every open item, in the plan's order."""
 
     values: tuple[tuple[str, Scalar], ...]
 
     @property
     def named(self) -> dict[str, Scalar]:
-        """By item."""
         return dict(self.values)
 
     def at(self, item: str, value: Scalar) -> "Point":
-        """The same with one value changed."""
         return Point(tuple((n, value if n == item else v) for n, v in self.values))
 
     def words(self) -> str:
-        """`first_update 2.5, codec binary`."""
+        """Returns text such as `first_update 2.5, codec binary`."""
         return ", ".join(f"{name} {shown(value)}" for name, value in self.values)
 
 
 def shown(value: Scalar) -> str:
-    """A value as tables have it."""
+    """Returns a value as tables show it."""
     if isinstance(value, bool):
         return "true" if value else "false"
     return f"{value:.12g}" if isinstance(value, int | float) else value
 
 
 def printed_point(items: Mapping[str, OpenItem]) -> Point:
-    """Where everything is as printed."""
+    """Returns the point where every item has its printed value."""
     return Point(tuple((name, item.printed) for name, item in items.items()))
 
 
 def spread(items: Mapping[str, OpenItem], count: int, seed: int) -> list[Point]:
-    """The printed point and others that fill the space evenly (Halton's sequence, scrambled), each
-    once; fewer than `count` where there are no more. A space of few values only is taken whole."""
+    """Returns the printed point and others that fill the space evenly (scrambled Halton sequence),
+    without duplicates; fewer than `count` if there are no more. A small discrete space is
+    enumerated."""
     found = dict.fromkeys([printed_point(items)])
     sizes = [len(item.choices) for item in items.values()]
     if all(sizes) and prod(sizes) <= count:
@@ -82,7 +81,8 @@ def _value(item: OpenItem, u: float) -> Scalar:
 
 
 def rounds_of(form: Form) -> list[int]:
-    """Runs of every fitted cell in each round: twice as many each time, up to the final number."""
+    """Returns the runs of every fitted cell in each round: doubled each time, up to the final
+    number."""
     found = [form.first_runs]
     while found[-1] < form.final_runs:
         found.append(min(MORE * found[-1], form.final_runs))

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""One inference from its plan to what its page reports."""
+"""Executes one inference, from its plan to the content of its page."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -25,12 +25,12 @@ from slambed.papers.registered import PlanLine
 from slambed.papers.verdicts.model import Share
 
 RESULTS = "inference"
-"""Folder of `results/` that the pages are in."""
+"""Folder in `results/` for the pages."""
 
 
 @dataclass(frozen=True)
 class Back:
-    """The best point with one item as printed."""
+    """The best point with one item set back to its printed value."""
 
     item: str
     best: str
@@ -51,15 +51,15 @@ class Outcome:
     held_out: list[ComparedCell]
     back: list[Back]
     printed: Evaluated
-    """The point where everything is as printed."""
+    """The point where every item has its printed value."""
     success: list[CriterionResult]
     kept: int
-    """Points that are kept; `predicting` of them were run for the predictions."""
+    """Kept points, of which `predicting` were run for the predictions."""
     predicting: int
     lines: list[PlanLine]
     unfitted: list[str]
     stand_ins: list[str]
-    """What was played and is not the paper's sequence."""
+    """Datasets that were played instead of the paper's sequence."""
     spent: int
     failures: list[str] = field(default_factory=list)
     """Runs without a result."""
@@ -67,7 +67,8 @@ class Outcome:
 
 @dataclass
 class Session:
-    """A plan read, checked and found in experiments and paper; nothing is executed yet."""
+    """A plan that was read, checked and resolved to experiments and paper; nothing is executed
+    yet."""
 
     plan: Inference
     quick: bool
@@ -77,21 +78,21 @@ class Session:
     campaign: Campaign
     points: list[Point]
     rounds: list[int]
-    """Runs of every fitted cell."""
+    """Runs of every fitted cell in each round."""
 
     @property
     def form(self) -> Form:
-        """How much is run."""
+        """Returns the chosen form of the plan: points, runs and budget."""
         return self.plan.form(self.quick)
 
     @property
     def folder(self) -> Path:
-        """Where the page is."""
         return self.campaign.folder
 
 
 def prepare(name: str, quick: bool, options: Options, console: Console) -> Session:
-    """Raises SlambedError for whatever is wrong with the plan, before anything is executed."""
+    """Prepares a session. Raises SlambedError for any error in the plan before anything is
+    executed."""
     plan, source = find_plan(name)
     paper, paper_file = read_its_paper(plan, source)
     places = find_places(plan, source, paper, console)
@@ -117,7 +118,8 @@ def prepare(name: str, quick: bool, options: Options, console: Console) -> Sessi
 
 
 def _fewest(session: Session) -> tuple[int, int, int]:
-    """Runs of the first round, of one point's further rounds, and of its predictions."""
+    """Returns the runs of the first round, of one point's further rounds, and of its
+    predictions."""
     plan, form, campaign = session.plan, session.form, session.campaign
     first = len(campaign.cells_of(session.points, plan.fit)) * form.first_runs
     one = session.points[:1]
@@ -126,7 +128,7 @@ def _fewest(session: Session) -> tuple[int, int, int]:
 
 
 def preview(session: Session) -> list[str]:
-    """What would be executed, and how long it takes."""
+    """Returns what would be executed, and how long it takes."""
     plan, form, campaign = session.plan, session.form, session.campaign
     registration = session.registration
     where = (
@@ -166,7 +168,7 @@ def _list(numbers: Sequence[int]) -> str:
 
 
 def described(plan: Inference, name: str) -> str:
-    """`params.x 0 to 5, printed 0`."""
+    """Returns text such as `params.x 0 to 5; as printed 0`."""
     item = plan.open[name]
     if item.range is not None:
         what = f"{item.set} {item.range[0]:g} to {item.range[1]:g}"
@@ -177,8 +179,8 @@ def described(plan: Inference, name: str) -> str:
 
 
 def infer(session: Session) -> Outcome:
-    """Runs what is missing, fits, predicts and judges. Raises StoppedError where it is interrupted;
-    the same call goes on."""
+    """Executes missing runs, fits, predicts and judges. Raises StoppedError on an interrupt; the
+    same call then continues."""
     plan, form, campaign = session.plan, session.form, session.campaign
     places = session.places.places
     printed = {c: s for c in plan.fit if isinstance(s := places[c].printed, Share)}
@@ -187,7 +189,7 @@ def infer(session: Session) -> Outcome:
         return campaign.counts("fit", points, plan.fit, runs)
 
     def allowed(points: Sequence[Point], runs: int) -> int:
-        """What the predictions of one point leave of the budget."""
+        """Returns how many points the budget covers after reserving one point's predictions."""
         spare = form.budget_runs - len(campaign.asked) - _fewest(session)[2]
         return _reached(points, spare, lambda own: campaign.further(own, plan.fit, runs))
 
@@ -228,7 +230,7 @@ def infer(session: Session) -> Outcome:
 
 
 def _affordable(session: Session, points: list[Point]) -> list[Point]:
-    """The likeliest points whose predictions the budget reaches."""
+    """Returns the likeliest points whose predictions fit the budget."""
     form, campaign = session.form, session.campaign
     spare = form.budget_runs - len(campaign.asked)
     cells, runs = session.plan.held_out, form.predict_runs
@@ -236,7 +238,7 @@ def _affordable(session: Session, points: list[Point]) -> list[Point]:
 
 
 def _reached(points: Sequence[Point], spare: int, cost: Callable[[Sequence[Point]], int]) -> int:
-    """How many of these points cost no more than is spare."""
+    """Returns how many of these points the spare budget covers."""
     count = len(points)
     while count and cost(points[:count]) > spare:
         count -= 1
@@ -262,7 +264,8 @@ def _predicted(
 
 
 def _back(session: Session, fit: FitResult) -> tuple[list[Back], Evaluated]:
-    """What each item buys: the best point with it as printed, and all of them as printed."""
+    """Evaluates the best point with each item as printed, and with all items as printed, to
+    attribute the fit to items."""
     plan, form = session.plan, session.form
     best = fit.best.point
     everything = printed_point(plan.open)
@@ -283,7 +286,7 @@ def _back(session: Session, fit: FitResult) -> tuple[list[Back], Evaluated]:
 
 
 def _all_runs(campaign: Campaign) -> pd.DataFrame:
-    """Every run that was used, once. Raises SlambedError where there is none."""
+    """Returns every run that was used, once. Raises SlambedError if there is none."""
     if not campaign.runs:
         raise SlambedError("no run was made")
     return pd.concat(campaign.runs, ignore_index=True).drop_duplicates("run_key")

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The YAML of an inference: what is open, fitted and predicted, and what counts as success."""
+"""The YAML of an inference: open items, fitted and predicted numbers, and success criteria."""
 
 from pathlib import Path
 from typing import Annotated, Any, Literal
@@ -17,10 +17,10 @@ from slambed.suggestion import suggestion
 
 STRICT = ConfigDict(extra="forbid", frozen=True, strict=True, allow_inf_nan=False)
 FOLDER = "inference"
-"""Of a paper's folder."""
+"""Subfolder of a paper's folder."""
 YAML = (".yaml", ".yml")
 QUICK = "-quick"
-"""What the folder of a quick form ends in."""
+"""Suffix of the folder of a quick form."""
 
 
 def _each_once(patterns: list[str]) -> list[str]:
@@ -32,37 +32,42 @@ def _each_once(patterns: list[str]) -> list[str]:
 
 
 Cells = Annotated[list[str], AfterValidator(_each_once)]
-"""Ids of published numbers; braces stand for several (`T2.x.rtt{0,20}`)."""
+"""Ids of published numbers; braces expand to several (`T2.x.rtt{0,20}`)."""
 
 
 class Change(BaseModel):
-    """What a system of the experiments is instead, in a case or throughout."""
+    """Variant and parameters that replace a system's, in one case or at every point."""
 
     model_config = STRICT
 
     variant: str | None = None
+    """Variant of the system; null keeps it."""
     params: dict[str, Scalar] = Field(default_factory=dict)
+    """Parameter -> value, instead of the experiment's."""
 
 
 class OpenItem(BaseModel):
-    """One thing that the paper leaves open: a range, some values, or cases of several changes."""
+    """One item that the paper leaves open: a range, a list of values, or cases that change several
+    things."""
 
     model_config = STRICT
 
     says: str
-    """What it is, and where it is left open."""
+    """What it is, and where the paper leaves it open."""
     set: str | None = None
-    """`params.<name>`, `devices.<role>`, `devices.<role>.<cores|speed|background|jitter.<stage>>`,
-    `datasets.<name>` or `profiles.<name>`; none with cases."""
+    """Key that the values set: `params.<name>`, `devices.<role>`,
+    `devices.<role>.<cores|speed|background|jitter.<stage>>`, `datasets.<name>` or
+    `profiles.<name>`; absent with cases."""
     range: list[float | int] | None = Field(default=None, min_length=2, max_length=2)
-    """Lowest and highest; whole numbers where both are."""
+    """Lowest and highest value; only integers are drawn if both are integers."""
     values: list[Scalar] | None = None
+    """Values to choose from."""
     cases: dict[str, dict[str, Change]] | None = None
-    """Name -> what the paper's systems (patterns) are then."""
+    """Maps a case's name to changes of the paper's systems (patterns)."""
     systems: list[str] | None = Field(default=None, min_length=1)
-    """The paper's systems (patterns) it is about; all that have the parameter."""
+    """The paper's systems (patterns) that it applies to; default: all it can apply to."""
     printed: Scalar
-    """The value that is taken where nothing is fitted: what the paper prints, or the usual one."""
+    """The value without a fit: what the paper prints, or the usual one."""
 
     @model_validator(mode="after")
     def _one_form(self) -> "OpenItem":
@@ -86,26 +91,26 @@ class OpenItem(BaseModel):
 
     @property
     def choices(self) -> list[Scalar]:
-        """The values to choose from; none of a range."""
+        """Returns the values to choose from; empty for a range."""
         return list(self.cases) if self.cases is not None else list(self.values or [])
 
 
 class Form(BaseModel):
-    """How many points are looked at, and how often each is run."""
+    """How many points are tried, and how many runs each one gets."""
 
     model_config = STRICT
 
     points: int = Field(ge=2, le=4096)
-    """Spread over what is open, with the printed one."""
+    """Number of points, spread over the open items; includes the printed point."""
     first_runs: int = Field(ge=5)
-    """Runs of every fitted cell in the first round; each round has twice as many, and only points
-    that may still be kept."""
+    """Runs of every fitted cell in the first round. Each later round doubles them, for points that
+    may still be kept."""
     final_runs: int = Field(ge=5)
     """Runs of every fitted cell in the last round."""
     predict_runs: int = Field(ge=5)
     """Runs of every predicted cell."""
     budget_runs: int = Field(ge=1)
-    """Of everything together."""
+    """Most runs of fit and predictions together; attribution runs come on top."""
 
     @model_validator(mode="after")
     def _grows(self) -> "Form":
@@ -115,18 +120,23 @@ class Form(BaseModel):
 
 
 class Criterion(BaseModel):
-    """One thing that success asks for."""
+    """One criterion of success."""
 
     model_config = STRICT
 
     says: str
+    """The criterion in one sentence."""
     kind: Literal["fitted_inside", "held_out_inside", "mean_error", "rank", "rises"]
-    """Share of cells inside their 95 % predictive intervals; mean error in points; Spearman's rank
-    correlation of ours with the paper's over `cells`; every cell of `cells` above the one before in
-    the runs of the best point (one-sided, p < 0.05 each)."""
+    """fitted_inside, held_out_inside: share of cells inside their 95 % predictive intervals;
+    mean_error: mean error in points; rank: Spearman's rank correlation of ours with the paper's
+    over `cells`; rises: every cell of `cells` is above the one before in the runs of the best point
+    (one-sided, p < 0.05 each)."""
     at_least: float | None = None
+    """Smallest value that passes; not for `mean_error` and `rises`."""
     at_most: float | None = None
+    """Largest value that passes; of `mean_error` only."""
     cells: Cells = Field(default_factory=list)
+    """Cells in order, for `rank` and `rises`."""
 
     @model_validator(mode="after")
     def _is_whole(self) -> "Criterion":
@@ -148,31 +158,38 @@ class Inference(BaseModel):
     model_config = STRICT
 
     id: str = Field(pattern=NAME)
+    """Name of the plan, as of its file."""
     title: str
+    """Heading of its page."""
     paper: str
-    """Name in papers/, or a file beside the plan that ends in .yaml."""
+    """Name in papers/, or a .yaml file next to the plan."""
     experiments: list[str] = Field(min_length=1)
-    """Names, or files beside the plan. Their cells stand beside the paper's; the first that
-    reproduces a table is taken for it."""
+    """Names, or files next to the plan. Their cells are compared with the paper's; for each table,
+    the first experiment that reproduces it is used."""
     playback: dict[str, Any] = Field(default_factory=dict)
-    """Keys of `playback` put in for the experiments'."""
+    """Keys of `playback` that replace those of the experiments."""
     instead: dict[str, Change] = Field(default_factory=dict)
-    """The paper's systems (patterns) -> what they are instead at every point."""
+    """Maps the paper's systems (patterns) to changes that apply at every point."""
     open: dict[str, OpenItem]
+    """Name -> what the paper leaves open."""
     fit: Cells = Field(min_length=1)
+    """Cells of the paper that the open values are fitted to."""
     held_out: Cells = Field(min_length=1)
+    """Cells of the paper that are predicted."""
     within_log: float = Field(default=2.0, gt=0)
-    """Points whose log-likelihood is so near to the best one's are kept, and predict."""
+    """Points within this log-likelihood of the best one are kept and used for predictions."""
     seed: int = Field(ge=0, lt=2**31)
-    """Of the spread of points and of the runs."""
+    """Seed of the spread of points and of the runs."""
     full: Form
+    """How much is run."""
     quick: Form
+    """How much is run with `--quick`."""
     success: list[Criterion] = Field(min_length=1)
+    """What has to hold for the inference to succeed."""
     limits: list[str] = Field(default_factory=list)
-    """What it cannot show, and why."""
+    """What the inference cannot show, and why."""
 
     def form(self, quick: bool) -> Form:
-        """How much is run."""
         return self.quick if quick else self.full
 
     @model_validator(mode="after")
@@ -191,13 +208,13 @@ class Inference(BaseModel):
 
 
 def plan_files() -> dict[str, Path]:
-    """Name of every plan of the checkout and where its file lies."""
+    """Maps the name of every plan of the checkout to its file."""
     return {path.stem: path for path in sorted(papers_folder().glob(f"*/{FOLDER}/*.yaml"))}
 
 
 def find_plan(name: str) -> tuple[Inference, YamlSource]:
-    """A plan by name (in papers/*/inference/) or by path (anything that ends in .yaml). Raises
-    SlambedError with file, line and reason where it is not as described."""
+    """Finds a plan by name (in papers/*/inference/) or by path (.yaml or .yml). Raises SlambedError
+    with file, line and reason if it is invalid."""
     if name.endswith(YAML):
         path = Path(name)
     else:
@@ -219,7 +236,7 @@ def find_plan(name: str) -> tuple[Inference, YamlSource]:
 
 
 def read_its_paper(plan: Inference, source: YamlSource) -> tuple[Paper, Path]:
-    """The published numbers of a plan, and their file."""
+    """Returns the paper of a plan, and its file."""
     if plan.paper.endswith(YAML):
         path = source.path.parent / plan.paper
         return read_paper(path), path

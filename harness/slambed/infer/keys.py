@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What an open item may set in an experiment, by the key that names it."""
+"""The keys that an open item may set in an experiment."""
 
 from dataclasses import dataclass
 from typing import Literal
@@ -7,7 +7,7 @@ from typing import Literal
 Kind = Literal["params", "devices", "datasets", "profiles"]
 ROLES = ("mobile", "edge")
 OF_A_DEVICE = ("cores", "speed", "background")
-"""Numbers of a device that may be changed, beside the spreads of its stages."""
+"""Numbers of a device that may be changed, besides the jitter of its stages."""
 ADVICE = (
     "set is params.<name>, devices.<mobile|edge>, "
     "devices.<role>.<cores|speed|background|jitter.<stage>>, datasets.<name> or profiles.<name>"
@@ -20,13 +20,14 @@ class Key:
 
     kind: Kind
     name: str
-    """Of the parameter, the role, the dataset or the profile."""
+    """Name of the parameter, the role, the dataset or the profile."""
     part: str = ""
-    """Of a device: `cores`, `speed`, `background`, `jitter.<stage>`; none: the whole device."""
+    """Part of a device: `cores`, `speed`, `background`, `jitter.<stage>`; empty for the whole
+    device."""
 
 
 def split_key(text: str) -> Key:
-    """Raises ValueError for what can not be set."""
+    """Parses a key. Raises ValueError for a key that cannot be set."""
     kind, _, name = text.partition(".")
     if not name or kind not in ("params", "devices", "datasets", "profiles"):
         raise ValueError(f"'{text}' cannot be set; {ADVICE}")

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What several points together say of a published number: a mixture of their predictions.
+"""Predicts a published number from several points: a mixture of their predictions.
 
-Each point predicts by the rules of verdicts/prediction.py, and counts by its likelihood.
+Each point predicts by the rules of papers/verdicts/prediction.py and is weighted by its likelihood.
 """
 
 from collections.abc import Mapping, Sequence
@@ -21,13 +21,14 @@ from slambed.papers.verdicts.prediction import (
 )
 
 Counts = Mapping[str, Share]
-"""Published number -> losses in our runs."""
+"""Maps a published number to the losses in our runs."""
 REACH = 40.0
 """Standard deviations from the outermost mean within which every quantile lies."""
 
 
 def log_likelihood(ours: Counts, printed: Counts) -> float:
-    """Of the printed counts, were the runs behind them like ours; of every printed cell."""
+    """Returns the log-likelihood of the printed counts if the paper's runs were like ours, summed
+    over all printed cells."""
     cells = list(printed)
     if not cells:
         return 0.0
@@ -44,7 +45,8 @@ def log_likelihood(ours: Counts, printed: Counts) -> float:
 def drawn_log_likelihoods(
     ours: Counts, printed: Counts, final: int, draws: int, generator: np.random.Generator
 ) -> Floats:
-    """What the log-likelihood may become with `final` runs, going by the runs so far."""
+    """Draws the log-likelihood that may result from `final` runs, given the runs so far. Shape:
+    (draws,)."""
     cells = list(printed)
     bad = np.array([ours[c].bad for c in cells])
     runs = np.array([ours[c].runs for c in cells])
@@ -60,13 +62,14 @@ def drawn_log_likelihoods(
 
 
 def best_possible(printed: Counts, runs: int) -> float:
-    """The log-likelihood of runs whose shares are the printed ones, as near as counts can be."""
+    """Returns the log-likelihood of runs whose shares are the printed ones, as close as counts
+    allow."""
     ours = {c: Share(round(runs * s.value), runs) for c, s in printed.items()}
     return log_likelihood(ours, printed)
 
 
 def weights_of(log_likelihoods: Sequence[float]) -> Floats:
-    """What points count for that are equally likely before anything is fitted; sums to 1."""
+    """Returns the weights of points under a uniform prior; they sum to 1."""
     values = np.asarray(log_likelihoods, dtype=np.float64)
     found = np.exp(values - values.max())
     return np.asarray(found / found.sum())
@@ -74,23 +77,23 @@ def weights_of(log_likelihoods: Sequence[float]) -> Floats:
 
 @dataclass(frozen=True)
 class Prediction:
-    """What is predicted of one published number, in its own unit (counts: runs)."""
+    """The prediction of one published number, in its own unit (counts: runs)."""
 
     expected: float
     low: float
     high: float
     """Ends of the central 95 %."""
     position: float
-    """Where the published number lies in it, 0 to 1."""
+    """Quantile of the published number, 0 to 1."""
 
     @property
     def inside(self) -> bool:
-        """Whether the published number is in the central 95 %."""
+        """Returns whether the published number is in the central 95 %."""
         return inside(self.position)
 
 
 def predict_share(ours: Sequence[Share], weights: Floats, printed: Share) -> Prediction:
-    """Of a published count. The interval is of the counts that would be called inside."""
+    """Predicts a published count. The interval spans the counts that would be judged as inside."""
     bad = np.array([s.bad for s in ours])[:, None]
     runs = np.array([s.runs for s in ours])[:, None]
     counts = np.arange(printed.runs + 1)
@@ -103,7 +106,7 @@ def predict_share(ours: Sequence[Share], weights: Floats, printed: Share) -> Pre
 
 
 def predict_mean(ours: Sequence[Mean], weights: Floats, printed: Mean) -> Prediction | None:
-    """Of a published mean; None where one of the points has no spread."""
+    """Predicts a published mean; None if one of the points has no spread."""
     spreads = [mean_spread(mean, printed) for mean in ours]
     known = [s for s in spreads if s is not None]
     if len(known) < len(ours):

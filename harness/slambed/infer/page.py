@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What came out of an inference: one self-contained page, and the same as JSON."""
+"""Writes the result of an inference: one self-contained page, and the same as JSON."""
 
 import json
 from dataclasses import dataclass
@@ -28,7 +28,7 @@ NUMBERS = "inference.json"
 
 @dataclass(frozen=True)
 class Row:
-    """A published number beside what is predicted of it."""
+    """A published number and its prediction."""
 
     id: str
     label: str
@@ -40,7 +40,7 @@ class Row:
 
 
 def headline(outcome: Outcome) -> list[str]:
-    """What came out, in a few lines."""
+    """Returns the result in a few lines."""
     met = sum(item.met for item in outcome.success)
     conclusion = "not reproduced"
     if met == len(outcome.success):
@@ -116,7 +116,7 @@ def _page(outcome: Outcome) -> str:
 
 
 def _failures(outcome: Outcome) -> list[str]:
-    """What did not come out, one sentence each."""
+    """Returns one sentence per failure."""
     found = [f"{m.criterion.says}: not met ({m.why})." for m in outcome.success if not m.met]
     for name, cells in (("Fitted", outcome.fitted), ("Held out", outcome.held_out)):
         for row in _rows(outcome, cells):
@@ -200,7 +200,7 @@ def _count(evaluated: Evaluated, cell: str) -> str:
 
 
 def _numbers(outcome: Outcome) -> str:
-    """Every number of the page, for whoever draws it anew."""
+    """Returns every number of the page as JSON, for other plots."""
 
     def compared_cell(item: ComparedCell) -> dict[str, Any]:
         found, printed = item.prediction, item.printed

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Whether a plan was written, and committed, before the runs that it is about.
+"""Checks that a plan was written and committed before its runs.
 
-The digest names all that could be bent to fit a result: the plan, the experiments that it names,
-and the paper's printed numbers and mapping. It goes into the manifest of every run, with the commit
-that held those files unchanged as the run was made.
+The digest covers everything that could be changed to fit a result: the plan, its experiments, and
+the paper's printed numbers and mapping. The manifest of every run has it, with the commit that held
+those files unchanged when the run was made.
 """
 
 import hashlib
@@ -22,30 +22,29 @@ from slambed.papers.registered import PlanLine, written_in
 from slambed.spec.run_spec import canonical_json
 
 SHORT_COMMIT = 10
-"""Letters of a commit in a sentence."""
+"""Characters of a commit hash in a sentence."""
 
 
 @dataclass(frozen=True)
 class Registration:
-    """What names a plan, and where it is committed."""
+    """The digest of a plan, and the commit that has it."""
 
     name: str
-    """Under which manifests keep it."""
+    """Key in the manifests."""
     digest: str
     commit: str | None
-    """HEAD, where it holds the files as they are; None where any is changed, or not in git."""
+    """HEAD, if it has the files unchanged; None if one is changed, or not in git."""
     why: str = ""
-    """There is no such commit."""
+    """Why there is no such commit."""
 
     @property
     def entry(self) -> dict[str, dict[str, str]]:
-        """For manifests."""
         commit = {} if self.commit is None else {"commit": self.commit}
         return {self.name: {"plan": self.digest, **commit}}
 
 
 def register(plan: Inference, source: YamlSource, paper_file: Path, places: Places) -> Registration:
-    """The plan as it is now."""
+    """Registers the current content of the plan."""
     content = {
         "plan": plan.model_dump(mode="json", exclude_defaults=True),
         "paper": frozen_digest(places.paper),
@@ -59,7 +58,8 @@ def register(plan: Inference, source: YamlSource, paper_file: Path, places: Plac
 
 
 def commit_of(files: list[Path]) -> tuple[str | None, str]:
-    """HEAD of the repository of these files, if it holds all of them as they are; else why not."""
+    """Returns HEAD of the repository of these files if it has all of them unchanged, else the
+    reason why not."""
     head = None
     for path in files:
         folder = str(path.resolve().parent)
@@ -86,7 +86,7 @@ def _output(command: list[str]) -> str:
 
 
 def registered_lines(registration: Registration, runs: pd.DataFrame) -> list[PlanLine]:
-    """Whether these runs keep to the plan."""
+    """Returns sentences about whether these runs keep to the plan."""
     name, digest = registration.name, registration.digest
     total = len(runs)
     plans = written_in(runs, f"plan.{name}")

@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A point of the plan as rows of experiments: what is changed where, and under which name."""
+"""Turns a point of the plan into rows of experiments: what is changed where, and under which
+label."""
 
 import re
 from collections.abc import Mapping
@@ -27,26 +28,26 @@ from slambed.suggestion import suggestion
 
 @dataclass(frozen=True)
 class Made:
-    """A slot at a point: a cell of an experiment that is written for it."""
+    """A slot at a point: the cell of the experiment written for it."""
 
     experiment: str
     dataset: str
     label: str
     profile: str | None
-    """As the written experiment calls it."""
+    """Name in the written experiment."""
 
 
 @dataclass
 class Rows:
-    """What the items of a plan change in the rows that its cells need."""
+    """Applies the items of a plan to the rows that its cells need."""
 
     plan: Inference
     source: YamlSource
     places: Places
 
     def check(self) -> None:
-        """Raises SlambedError, in the plan's file, for what cannot be changed anywhere, or may not
-        have one of its values."""
+        """Raises SlambedError, with a location in the plan's file, for an item that changes nothing
+        or has an invalid value."""
         for name, item in self.plan.open.items():
             if not any(self._applies(name, item, slot) for slot in self._all):
                 raise self.source.complaint(*self._idle(name, item))
@@ -62,15 +63,15 @@ class Rows:
                 )
 
     def unfitted(self) -> list[str]:
-        """Open items on which no fitted cell depends: the fit says nothing of them."""
+        """Returns the open items that no fitted cell depends on, so they cannot be fitted."""
         slots = self.places.slots(self.plan.fit)
         return [
             n for n, i in self.plan.open.items() if not any(self._applies(n, i, s) for s in slots)
         ]
 
     def made(self, slot: Slot, point: Point) -> Made:
-        """The cell that has this slot at this point. What an item does not touch is shared by all
-        of its values."""
+        """Returns the cell for this slot at this point. Items that do not apply to the slot are
+        left out, so all their values share one cell."""
         own = [(n, v) for n, v in point.values if self._applies(n, self.plan.open[n], slot)]
         base = self.places.bases[slot.experiment]
         row = label_of(base.plan.experiment.systems[slot.row], base.systems[slot.row])
@@ -81,7 +82,7 @@ class Rows:
         return Made(slot.experiment, dataset, label.replace("/", "-"), profile)
 
     def entry(self, slot: Slot, point: Point) -> dict[str, Any]:
-        """The row as an experiment's file has it, without its profiles."""
+        """Returns the row as in an experiment's file, without its profiles."""
         base = self.places.bases[slot.experiment]
         written = base.source.data["systems"][slot.row]
         entry: dict[str, Any] = deepcopy(written)
@@ -157,7 +158,8 @@ class Rows:
         return message, place, suggestion(key.name, sorted(known)) if known else ""
 
     def _check_changes(self) -> None:
-        """Variants and parameters of `instead` and cases must be those of the systems."""
+        """Raises SlambedError for a variant or parameter in `instead` or cases that a system does
+        not have."""
         changes = [(("instead", p), p, c) for p, c in self.plan.instead.items()]
         changes += [
             (("open", name), pattern, change)
@@ -176,7 +178,7 @@ class Rows:
                     raise self.source.complaint(str(error), place) from None
 
     def _check_values(self, name: str, item: OpenItem, slot: Slot) -> None:
-        """Every end and choice of a parameter or device must be one that there is."""
+        """Raises SlambedError for an invalid end or value of an item."""
         if item.set is None:
             return
         key = split_key(item.set)
@@ -228,7 +230,8 @@ class Rows:
         ]
 
     def _anchor(self, entry: dict[str, Any], source: YamlSource, system: System) -> None:
-        """Files that the experiment finds beside itself are found from elsewhere too."""
+        """Makes paths of files next to the experiment absolute, so the written experiment finds
+        them."""
         for name, value in (entry.get("params") or {}).items():
             if name in system.file_params and value not in ("", FROM_DATASET):
                 try:
@@ -245,7 +248,7 @@ def _change(entry: dict[str, Any], change: Change) -> None:
 
 
 def changed_device(asked: Any, key: Key, value: Scalar) -> Any:
-    """A device as an experiment's file names it, with one thing changed."""
+    """Returns a device as in an experiment's file, with one part changed."""
     if not key.part:
         return value
     device: dict[str, Any] = (

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The search: rounds of points, the likelihood of each, and which are kept.
+"""The search: evaluates points in rounds and keeps the likely ones.
 
-It knows counts only, so that a test can put a known truth in the place of runs.
+It uses counts only, so that a test can replace runs with a known truth.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -14,60 +14,60 @@ from slambed.infer.mixture import Counts, drawn_log_likelihoods, log_likelihood,
 from slambed.papers.verdicts.model import Floats, Share
 
 Evaluate = Callable[[Sequence[Point], int], Mapping[Point, Counts]]
-"""(points, runs of every fitted cell) -> counts of each point. The same call gives the same."""
+"""Maps (points, runs of every fitted cell) to counts of each point; deterministic."""
 LEAST_CHANCE = 0.025
-"""Of being kept with all its runs: below it a point gets no more. Halving the points by rank drops
-good ones that were unlucky, and the intervals of what is left cover too little."""
+"""A point whose chance of being kept after all runs is below this gets no more runs. Halving the
+points by rank would drop good points by bad luck, and the intervals of the rest would cover too
+little."""
 DRAWS, DRAWS_SEED = 200, 20264
 
 
 @dataclass(frozen=True)
 class Evaluated:
-    """A point with what its runs say of the fitted cells."""
+    """A point with its counts of the fitted cells."""
 
     point: Point
     runs: int
-    """Of every fitted cell."""
+    """Runs of every fitted cell."""
     counts: Counts
     log_likelihood: float
 
 
 @dataclass
 class FitResult:
-    """All points that were looked at, each with the most runs it got."""
+    """All points tried, each with its largest number of runs."""
 
     printed: dict[str, Share]
     """The fitted cells as published."""
     within_log: float
     points: dict[Point, Evaluated] = field(default_factory=dict)
     unpaid: int = 0
-    """Points that were not dropped and got no more runs, for the budget was spent."""
+    """Points that were still likely but got no more runs because the budget was spent."""
 
     def put(self, found: Mapping[Point, Counts], runs: int) -> None:
-        """More runs of some points."""
+        """Stores the counts of points after `runs` runs."""
         for point, counts in found.items():
             value = log_likelihood(counts, self.printed)
             self.points[point] = Evaluated(point, runs, counts, value)
 
     @property
     def ranked(self) -> list[Evaluated]:
-        """The likeliest first; of equals the one that was drawn first."""
+        """Returns the points by falling likelihood; ties keep the order in which they were
+        drawn."""
         return sorted(self.points.values(), key=lambda e: -e.log_likelihood)
 
     @property
     def best(self) -> Evaluated:
-        """The likeliest."""
         return self.ranked[0]
 
     @property
     def kept(self) -> list[Evaluated]:
-        """Those so near to the best that the fit cannot distinguish them."""
+        """Returns the points within `within_log` of the best, which the fit cannot distinguish."""
         least = self.best.log_likelihood - self.within_log
         return [e for e in self.ranked if e.log_likelihood >= least]
 
     @property
     def weights(self) -> Floats:
-        """Of the kept points."""
         return weights_of([e.log_likelihood for e in self.kept])
 
 
@@ -79,8 +79,9 @@ def search(
     evaluate: Evaluate,
     allowed: Callable[[Sequence[Point], int], int] = lambda points, runs: len(points),
 ) -> FitResult:
-    """Gives all points the runs of each round, but those that have become unlikely to be kept with
-    the runs of the last one; then whoever is kept gets those too, until every kept point has them.
+    """Gives points the runs of each round and drops those that are unlikely to be kept after the
+    last one. Then it completes the runs of kept points until every kept point has them all.
+    `allowed` returns how many of these points, likeliest first, may have so many runs.
 
     `allowed`: how many of these points, the likeliest first, may have so many runs.
     """
@@ -103,7 +104,7 @@ def search(
 
 
 def _likely(fit: FitResult, points: Sequence[Point], final: int) -> list[Point]:
-    """Those that may still be kept, the likeliest first."""
+    """Returns the points that may still be kept, the likeliest first."""
     generator = np.random.default_rng(DRAWS_SEED)
     own = [fit.points[point] for point in points]
     drawn = [drawn_log_likelihoods(e.counts, fit.printed, final, DRAWS, generator) for e in own]

@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Where each published number of a plan is measured: rows, datasets and profiles of experiments."""
+"""Finds where each published number of a plan is measured: rows, datasets and profiles of
+experiments."""
 
 import json
 from collections.abc import Iterable
@@ -29,26 +30,26 @@ from slambed.suggestion import suggestion
 
 @dataclass(frozen=True)
 class Slot:
-    """One cell of an experiment as it is in its file."""
+    """One cell of an experiment in its file."""
 
     experiment: str
     row: int
-    """Of the experiment's systems, its grid written out."""
+    """Index into the experiment's systems, with its grid written out."""
     dataset: str
-    """As the experiment names it."""
+    """Name in the experiment."""
     profile: str | None
 
 
 @dataclass(frozen=True)
 class Place:
-    """A published number with its places among our runs."""
+    """A published number and the cells where we measure it."""
 
     cell: PublishedCell
     printed: Share | Mean
     slots: tuple[Slot, ...]
     stand_in: bool
     dataset: str
-    """What is played here."""
+    """The dataset that is played."""
 
 
 @dataclass(frozen=True)
@@ -59,7 +60,6 @@ class Base:
     plan: Plan
     source: YamlSource
     systems: tuple[System, ...]
-    """Of its rows."""
     profiles: tuple[str, ...]
     """Names of its link's profiles, in the order of its file."""
     run_s: float
@@ -68,23 +68,23 @@ class Base:
 
 @dataclass
 class Places:
-    """Everything that a plan is about, found in experiments and paper."""
+    """Everything that a plan refers to, found in experiments and paper."""
 
     paper: Paper
     bases: dict[str, Base]
     places: dict[str, Place]
-    """Published number -> where it is measured."""
+    """Maps a published number to where it is measured."""
     paper_systems: dict[tuple[str, int], set[str]] = field(default_factory=dict)
-    """(experiment, row) -> what the paper calls it."""
+    """Maps (experiment, row) to the paper's names of the system."""
 
     def slots(self, cells: Iterable[str]) -> list[Slot]:
-        """Of these numbers, each once."""
+        """Returns the slots of these numbers, without duplicates."""
         return list(dict.fromkeys(s for c in cells for s in self.places[c].slots))
 
 
 def find_places(plan: Inference, source: YamlSource, paper: Paper, console: Console) -> Places:
-    """Raises SlambedError, in the plan's file, for a number that the paper does not print, that is
-    nothing to be fitted, or that no experiment of the plan has a cell for."""
+    """Finds all numbers of a plan. Raises SlambedError, with a location in the plan's file, for a
+    number that is not printed, cannot be fitted, or has no cell in the plan's experiments."""
     cells = cells_of(paper)
     wanted = [("fit", i, c) for i, c in enumerate(plan.fit)]
     wanted += [("held_out", i, c) for i, c in enumerate(plan.held_out)]
@@ -145,7 +145,7 @@ def _base(name: str, near: Path, settings: list[str], console: Console) -> Base:
 
 
 def _frame(base: Base) -> pd.DataFrame:
-    """The cells of an experiment as runs are looked for."""
+    """Returns the cells of an experiment as a table for `find_runs`."""
     choices = base.plan.experiment.systems
     labels = [label_of(c, s) for c, s in zip(choices, base.systems, strict=True)]
     for label in labels:
@@ -175,7 +175,7 @@ def _place(
     frames: dict[str, pd.DataFrame],
     paper: Paper,
 ) -> Place | str:
-    """Where it is measured, in the first experiment that has it; else why nowhere."""
+    """Returns where it is measured in the first experiment that has it, else why it is not."""
     why = f"no experiment of the plan reproduces {cell.source}"
     for name, base in bases.items():
         if cell.source not in paper.sources(set(base.plan.experiment.reproduces)):
@@ -186,7 +186,7 @@ def _place(
             continue
         runs = found.runs
         if runs["link_backend"].isna().all():
-            # Without an edge every profile is the same run.
+            # Without an edge, the run is the same under every profile.
             runs = runs.drop_duplicates(["row", "named"])
         slots = tuple(
             Slot(name, int(run["row"]), str(run["named"]), run["profile"])

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What the plan calls success, put to what came out."""
+"""Evaluates the plan's success criteria on the results."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -18,17 +18,17 @@ ROUNDING = 1e-9
 
 @dataclass(frozen=True)
 class ComparedCell:
-    """A published number with what is predicted of it, and our runs at the best point."""
+    """A published number with its prediction, and our runs at the best point."""
 
     cell: str
     printed: Share | Mean
     prediction: Prediction | None
-    """None: not run, or without a spread."""
+    """None if not run, or without a spread."""
     ours: Ours | None
 
     @property
     def error_points(self) -> float | None:
-        """How far the expected share is off; None of a mean."""
+        """Returns the error of the expected share in points; None for a mean."""
         if self.prediction is None or not isinstance(self.printed, Share):
             return None
         return 100 * abs(self.prediction.expected - self.printed.bad) / self.printed.runs
@@ -36,7 +36,7 @@ class ComparedCell:
 
 @dataclass(frozen=True)
 class CriterionResult:
-    """One criterion with what came out."""
+    """One criterion and its result."""
 
     criterion: Criterion
     met: bool
@@ -46,7 +46,7 @@ class CriterionResult:
 def judge(
     criterion: Criterion, fitted: list[ComparedCell], held_out: list[ComparedCell]
 ) -> CriterionResult:
-    """Whether a criterion is met. What could not be computed is not met."""
+    """Judges a criterion; one that cannot be computed is not met."""
     match criterion.kind:
         case "fitted_inside":
             return _inside(criterion, fitted)
@@ -88,7 +88,7 @@ def _rank(criterion: Criterion, cells: Mapping[str, ComparedCell]) -> CriterionR
     if len(set(ours)) < 2 or len(set(paper)) < 2:
         return CriterionResult(criterion, False, "nothing varies")
     rho, least = float(stats.spearmanr(ours, paper).statistic), criterion.at_least or 0.0
-    # Five cells with two of them exchanged are 0.9, or a rounding below it.
+    # With two of five cells exchanged the correlation is 0.9, or slightly less by rounding.
     return CriterionResult(
         criterion, rho >= least - ROUNDING, f"rank correlation {rho:.2f}, {least:g} asked for"
     )

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Pictures of an inference as SVG: intervals beside printed numbers, and profiles."""
+"""SVG figures of an inference: intervals with printed numbers, and likelihood profiles."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -16,9 +16,9 @@ WIDTH, LABEL, LANE = 420.0, 152.0, 17.0
 INSIDE, OUTSIDE = "#009E73", "#D55E00"
 PROFILE_WIDTH, PROFILE_HEIGHT, LEFT, BOTTOM, TOP = 330.0, 190.0, 40.0, 34.0, 10.0
 DEEPEST = 60.0
-"""Log units below the best at which a point sits at the lower edge."""
+"""Log units below the best; points further below are drawn at the lower edge."""
 LETTERS = 28
-"""Of a lane's name."""
+"""Most characters of a lane's name."""
 
 
 @dataclass(frozen=True)
@@ -30,8 +30,8 @@ class Lane:
 
 
 def lanes_svg(lanes: Sequence[Lane], what: str) -> str:
-    """Predicted shares with their 95 % intervals, and the printed ones, on one axis of percent.
-    Empty where there is no share."""
+    """Draws predicted shares with their 95 % intervals, and the printed ones, on one axis in
+    percent. Empty if there is no share."""
     drawn = [lane for lane in lanes if isinstance(lane.compared.printed, Share)]
     if not drawn:
         return ""
@@ -76,8 +76,8 @@ def _lane(lane: Lane, y: float) -> str:
 
 
 def profile_svg(name: str, item: OpenItem, fit: FitResult) -> str:
-    """Every point by its value of one item: how far below the best it is. Filled: kept; small: it
-    was dropped after few runs."""
+    """Draws every point's log-likelihood below the best over its value of one item. Filled: kept;
+    small: dropped after few runs."""
     places = _places(name, item, fit)
     deepest = min(DEEPEST, max(10.0, max(_depth(e, fit) for e in fit.points.values())))
 
@@ -130,7 +130,7 @@ def _depth(evaluated: Evaluated, fit: FitResult) -> float:
 
 
 def _places(name: str, item: OpenItem, fit: FitResult) -> dict[object, float]:
-    """Value -> pixels from the left."""
+    """Maps a value to pixels from the left."""
     left, right = LEFT + 12, PROFILE_WIDTH - 20
     if item.range is None:
         choices = list(dict.fromkeys([*item.choices, item.printed]))

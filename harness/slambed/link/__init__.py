@@ -1,2 +1,3 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The emulated network between the two nodes: profiles, backends and their proof (docs/link.md)."""
+"""The emulated network between the two nodes: profiles, backends and the link proof
+(docs/explanation/link.md)."""

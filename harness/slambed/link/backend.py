@@ -10,7 +10,7 @@ from slambed.link.session import LinkOptions, LinkSession, Shaper
 
 
 class ShaperFactory(Protocol):
-    """How a backend is made."""
+    """Constructor of a backend."""
 
     def __call__(
         self, mobile: Path, edge: Path, profile: Profile, seed: int, log_dir: Path, o: LinkOptions
@@ -26,10 +26,11 @@ def open_link(
     log_dir: Path,
     **options: Any,
 ) -> LinkSession:
-    """Joins two namespaces (paths of their files, or names known to `ip netns`).
+    """Connects two namespaces (file paths, or names known to `ip netns`).
 
-    Afterwards the mobile end is 10.77.0.1, the edge end 10.77.0.2, and the profile's value at time
-    0 is applied. `log_dir` is for the backend's own files. Options: fields of `LinkOptions`.
+    Afterwards the mobile node has address 10.77.0.1, the edge has 10.77.0.2, and the profile's
+    value at time 0 is applied. `log_dir` is for the backend's own files. Options: fields of
+    `LinkOptions`.
     """
     from slambed.link.netem import NetemShaper
     from slambed.link.relay import RelayShaper

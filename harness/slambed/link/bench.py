@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Measurements of the link itself, in namespaces of their own (`slambed link measure`)."""
+"""Measurements of the link itself, in separate namespaces (`slambed link measure`)."""
 
 import tempfile
 import time
@@ -37,19 +37,19 @@ class LinkRun:
 
 @dataclass(frozen=True)
 class BenchRow:
-    """One profile through one backend; errors in ms, kernel to kernel, the base taken off."""
+    """One profile over one backend; errors in ms from kernel timestamps, without the base delay."""
 
     profile: str
     backend: str
     packets: int
     one_way_base: float
-    """Half of the RTT while the link adds nothing."""
+    """Half of the RTT while the link adds no delay."""
     one_way_median: float
-    """Of |delay mobile to edge - profile - base|, as the next two."""
+    """Error |one-way delay mobile to edge - profile - base|; also in the next two fields."""
     one_way_p99: float
     one_way_max: float
     rtt_median: float
-    """Of the link proof, as the next."""
+    """RTT error of the link proof; also in the next field."""
     rtt_p99: float
     reordered: int
 
@@ -62,7 +62,8 @@ def measure_link(
     with_tcp: bool = False,
     **options: Any,
 ) -> LinkRun:
-    """Runs a profile between two scratch namespaces; the record's frame may gain `tcp_rtt_ms`."""
+    """Measures a profile between two temporary namespaces. With `with_tcp` the record also has
+    the series `tcp_rtt_ms`."""
     with ExitStack() as stack:
         log_dir = Path(stack.enter_context(tempfile.TemporaryDirectory()))
         mobile, edge = stack.enter_context(two_namespaces())
@@ -87,7 +88,8 @@ def measure_link(
 def bench(
     profile: Profile, backend: str, seconds: float, rate_hz: float = 20.0, **options: Any
 ) -> tuple[BenchRow, pd.DataFrame]:
-    """UDP packets one way and echoes both ways over a profile; also the link log."""
+    """Measures one-way UDP delays and echo RTTs over a profile; returns the row and the link
+    log."""
     with ExitStack() as stack:
         log_dir = Path(stack.enter_context(tempfile.TemporaryDirectory()))
         mobile, edge = stack.enter_context(two_namespaces())
@@ -115,7 +117,8 @@ def bench(
 
 
 def bench_profiles(seconds: float) -> list[Profile]:
-    """Constants of 0, 5, 20 and 40 ms one way, and the papers' two shapes within `seconds`."""
+    """Returns constants of 0, 5, 20 and 40 ms one way, and the papers' two shapes (ramp and
+    sine)."""
     half = {"rise_s": seconds / 2, "hold_s": 0.0, "fall_s": seconds / 2}
     return [
         *(parse_profile(rtt_ms, "bench") for rtt_ms in (0, 10, 40, 80)),
@@ -125,7 +128,7 @@ def bench_profiles(seconds: float) -> list[Profile]:
 
 
 def throughput(backend: str, rtt_ms: float, seconds: float = 5.0) -> tuple[float, float]:
-    """TCP goodput [Mbit/s] up and down."""
+    """Returns the TCP goodput [Mbit/s] up and down."""
     with ExitStack() as stack:
         log_dir = Path(stack.enter_context(tempfile.TemporaryDirectory()))
         mobile, edge = stack.enter_context(two_namespaces())
@@ -140,7 +143,8 @@ def throughput(backend: str, rtt_ms: float, seconds: float = 5.0) -> tuple[float
 
 
 def reordering(backend: str, count: int) -> Flood:
-    """Numbered packets as fast as they go while the delay swings by 40 ms five times a second."""
+    """Sends numbered packets at full speed while the delay changes by 40 ms five times per
+    second."""
     swing = {"sine": {"mean_ms": 20, "amplitude_ms": 20, "period_s": 0.2}}
     with ExitStack() as stack:
         log_dir = Path(stack.enter_context(tempfile.TemporaryDirectory()))

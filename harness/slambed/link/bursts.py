@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Bursts of loss in time, as slambed-relay and slambed-sim have them: the same chain from the same
-seed (systems/core/link/impairment.cpp, base/random.hpp; a test on both sides holds its times)."""
+"""Loss bursts in time with the same random chain per seed as slambed-relay and slambed-sim
+(systems/core/link/impairment.cpp, base/random.hpp). Tests in both languages check the same burst
+times."""
 
 import math
 
@@ -9,7 +10,7 @@ from slambed.link.impairments import GilbertElliott, Side
 WORD = (1 << 64) - 1
 GOLDEN_GAMMA = 0x9E3779B97F4A7C15
 LOSS_STATE = 2
-"""Purpose::kLossState: which of a direction's streams of random numbers this is."""
+"""Purpose::kLossState: index of the random number stream within a direction."""
 
 
 def _mix(x: int) -> int:
@@ -31,8 +32,8 @@ class _SplitMix64:
 
 
 def all_or_none(side: Side) -> GilbertElliott | None:
-    """The chain of a direction whose states lose all packets or none, in time; else None. It needs
-    no random number for a packet."""
+    """Returns the time-based chain of a direction if its states lose either all packets or none;
+    else None. Such a chain needs no random number per packet."""
     chain = side.loss.gilbert_elliott if side.loss is not None else None
     if chain is None or chain.good_s is None or {chain.loss_good, chain.loss_bad} - {0.0, 1.0}:
         return None
@@ -40,7 +41,7 @@ def all_or_none(side: Side) -> GilbertElliott | None:
 
 
 class Bursts:
-    """Whether packets of one direction are lost, as run time goes on."""
+    """Decides whether packets of one direction are lost at a run time."""
 
     def __init__(self, chain: GilbertElliott, seed: int, direction: int) -> None:
         """`direction`: 0 up, 1 down."""
@@ -57,11 +58,12 @@ class Bursts:
 
     @property
     def turns_s(self) -> float:
-        """When the present state ends."""
+        """Run time at which the current state ends."""
         return self._turns_ns / 1e9
 
     def lost_at(self, run_time_s: float) -> bool:
-        """At times that do not decrease; before the run begins there are no bursts."""
+        """Returns whether packets are lost; calls must be in order of time. Before time 0 there
+        are no bursts."""
         if run_time_s < 0:
             return self._chain.loss_good > 0
         while self._turns_ns <= run_time_s * 1e9:

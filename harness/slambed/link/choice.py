@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Which backend emulates a profile on this host."""
+"""Selects the backend that emulates a profile on this host."""
 
 from typing import Literal, cast
 
@@ -12,9 +12,9 @@ BACKENDS: list[str] = ["auto", "relay", "netem", "none"]
 def choose_backend(
     asked: str, profile: Profile, netem: bool | None = None
 ) -> Literal["relay", "netem", "none"]:
-    """`auto` is netem where the kernel has it and the profile has neither loss, jitter, gaps nor a
-    rate trace; else the relay, which also begins and ends bursts to the microsecond. `netem`:
-    whether the kernels of the hosts that it is for have it; None: this one is asked."""
+    """Resolves `auto`: netem if the kernel has it and the profile has no loss, jitter, gaps or
+    rate trace, otherwise the relay, whose bursts are accurate to the microsecond. `netem` tells
+    whether the hosts that execute the runs have netem; None checks this host."""
     from slambed.link.netem import netem_available, why_not_netem
 
     if asked not in BACKENDS:

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""How far the clocks of two machines are apart, with a bound of the error that always holds.
+"""Clock offset between two machines, with a strict error bound.
 
-An exchange is NTP's (RFC 5905, sec. 8): t1 sent here, t2 received there, t3 sent there, t4 received
-here. Both ways take longer than nothing, so t3 - t4 <= offset <= t2 - t1, however much longer one
-way takes than the other; over many exchanges what is left is as wide as the quickest were slow.
+Exchanges follow NTP (RFC 5905, sec. 8): t1 sent here, t2 received there, t3 sent there, t4 received
+here. Both delays are positive, so t3 - t4 <= offset <= t2 - t1, however asymmetric they are. Over
+many exchanges the interval shrinks to the delay of the fastest ones.
 """
 
 from collections.abc import Callable, Iterable
@@ -13,60 +13,60 @@ from slambed.errors import PassingError
 from slambed.files.json_file import Record
 
 MOST_RATE = 5e-4
-"""By which two clocks may run apart: the most that NTP slews one (RFC 5905, sec. 11.3: 500 ppm)."""
+"""Maximum relative rate of two clocks: the maximum slew of NTP (RFC 5905, sec. 11.3: 500 ppm)."""
 EXCHANGES = 40
 NS_PER_MS = 1e6
 
 
 @dataclass(frozen=True)
 class Exchange:
-    """One question and its answer, CLOCK_MONOTONIC of either machine [ns]."""
+    """One request and its reply, in CLOCK_MONOTONIC of each machine [ns]."""
 
     sent_ns: int
-    """Here."""
+    """Clock of this machine."""
     received_ns: int
-    """There."""
+    """Clock of the other machine."""
     answered_ns: int
-    """There."""
+    """Clock of the other machine."""
     back_ns: int
-    """Here."""
+    """Clock of this machine."""
 
     @property
     def traveled_ns(self) -> int:
-        """Both ways together."""
+        """Sum of both one-way delays."""
         return (self.back_ns - self.sent_ns) - (self.answered_ns - self.received_ns)
 
 
 class ClockComparison(Record):
-    """What one series of exchanges said."""
+    """Result of one series of exchanges."""
 
     at_ns: int
-    """Its middle, CLOCK_MONOTONIC of this machine."""
+    """Middle of the series, CLOCK_MONOTONIC of this machine."""
     offset_ns: int
     """CLOCK_MONOTONIC of the board minus that of this machine."""
     error_ns: int
-    """The true offset is within this of it, however unequal both ways were."""
+    """Bound of the error of the offset, for any asymmetry of the delays."""
     exchanges: int
-    """That came back."""
+    """Number of exchanges with a reply."""
     traveled_us_min: float
-    """Both ways of the quickest one."""
+    """Sum of both one-way delays in the fastest exchange."""
     over: str
-    """`udp`, or `ssh` where no datagram came through."""
+    """`udp`, or `ssh` if no datagram got through."""
 
 
 class Clocks(Record):
-    """The board's clock against this machine's: before and after a run."""
+    """The board's clock relative to this machine's, before and after a run."""
 
     t0_ns: int
     """Run time 0, CLOCK_MONOTONIC of this machine."""
     before: ClockComparison
-    """The board was given run time 0 by it."""
+    """Comparison that run time 0 on the board was derived from."""
     after: ClockComparison | None = None
-    """Null: the run did not get so far."""
+    """Null if the run ended too early."""
 
     @property
     def rate(self) -> float:
-        """Seconds that the board's clock gains in one of this machine's."""
+        """Seconds that the board's clock gains per second of this machine's clock."""
         if self.after is None or self.after.at_ns <= self.before.at_ns:
             return 0.0
         gained_ns = self.after.offset_ns - self.before.offset_ns
@@ -74,29 +74,31 @@ class Clocks(Record):
 
     @property
     def drift_ppm(self) -> float:
-        """The same in millionths."""
+        """`rate` in ppm."""
         return self.rate * 1e6
 
     @property
     def error_ms(self) -> float:
-        """Bound of the error of a time stamp of the board after `here_ns`."""
+        """Bound of the error of a board timestamp converted by `here_ns`."""
         both = (self.before, self.after or self.before)
         return max(each.error_ns for each in both) / NS_PER_MS
 
     def here_ns(self, board_ns: int) -> int:
-        """CLOCK_MONOTONIC of this machine at a moment of the board's: both ends of the run are
-        known, and between them the board's clock is taken to gain evenly."""
+        """Converts a board time to CLOCK_MONOTONIC of this machine. The offset is known before
+        and after the run and interpolated linearly."""
         guess_ns = board_ns - self.before.offset_ns
         since_ns = guess_ns - self.before.at_ns
         return guess_ns - round(since_ns * self.rate / (1.0 + self.rate))
 
     def gained_ns(self, here_ns: int) -> int:
-        """How far the board's run clock, which began right, is ahead at a moment of here."""
+        """Returns how far the board's run clock, which started exact, is ahead at a time of this
+        machine."""
         return round((here_ns - self.before.at_ns) * self.rate)
 
 
 def compare(exchanges: Iterable[Exchange], over: str) -> ClockComparison:
-    """The offset that all exchanges allow. PassingError where they allow none."""
+    """Returns the offset that is consistent with all exchanges. Raises PassingError if there is
+    none."""
     found = list(exchanges)
     if not found:
         raise PassingError("the clocks cannot be compared: no exchange came back")
@@ -117,5 +119,5 @@ def compare(exchanges: Iterable[Exchange], over: str) -> ClockComparison:
 
 
 def compare_by(ask: Callable[[], Exchange | None], over: str) -> ClockComparison:
-    """By asking so often; an exchange that was lost is None."""
+    """Calls `ask` EXCHANGES times; it returns None for a lost exchange."""
     return compare((e for e in (ask() for _ in range(EXCHANGES)) if e is not None), over)

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Curves: milliseconds as pure functions of run time, the building blocks of a profile.
+"""Curves: delays in ms as pure functions of run time, the building blocks of a profile.
 
-In YAML a curve is a number (constant) or a mapping with one key, its kind:
-`sine: {mean_ms: 40, amplitude_ms: 30, period_s: 43}`.
+In YAML a curve is a number (constant) or a mapping whose single key is the kind: `sine: {mean_ms:
+40, amplitude_ms: 30, period_s: 43}`.
 """
 
 from itertools import pairwise
@@ -18,17 +18,18 @@ STRICT = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
 
 
 class Curve(Protocol):
-    """Milliseconds over run time."""
+    """A delay in ms over run time."""
 
     def at(self, t: Times) -> Times:
-        """Values at the times `t` [s]; the value at 0 holds before 0."""
+        """Returns the values at the times `t` [s]; the value at 0 holds before 0."""
 
     def duration_s(self) -> float | None:
-        """When nothing changes any more; None for a curve that never settles."""
+        """Returns the time after which the value is constant; None for a curve that never
+        settles."""
 
 
 class Constant(BaseModel):
-    """The same value for ever."""
+    """A constant value."""
 
     model_config = STRICT
     kind: ClassVar[str] = "constant"
@@ -36,11 +37,9 @@ class Constant(BaseModel):
     value_ms: float
 
     def at(self, t: Times) -> Times:
-        """Milliseconds at `t`."""
         return np.full_like(t, self.value_ms)
 
     def duration_s(self) -> float | None:
-        """A constant has settled from the start."""
         return 0.0
 
 
@@ -58,7 +57,7 @@ Points = Annotated[list[tuple[float, float]], Field(min_length=1), AfterValidato
 
 
 class Steps(BaseModel):
-    """Jumps: each value holds from its time until the next one."""
+    """A step function: each value holds from its time until the next one."""
 
     model_config = STRICT
     kind: ClassVar[str] = "steps"
@@ -67,19 +66,18 @@ class Steps(BaseModel):
     """[time s, ms] pairs."""
 
     def at(self, t: Times) -> Times:
-        """Milliseconds at `t`."""
         times, values = np.array(self.points).T
         index = np.searchsorted(times, t, side="right") - 1
         held: Times = values[np.clip(index, 0, None)]
         return held
 
     def duration_s(self) -> float | None:
-        """Time of the last jump."""
+        """Time of the last step."""
         return self.points[-1][0]
 
 
 class Line(BaseModel):
-    """Straight lines between points; the first and the last value hold outside."""
+    """Linear interpolation between points; the first and the last value hold outside."""
 
     model_config = STRICT
     kind: ClassVar[str] = "points"
@@ -88,7 +86,6 @@ class Line(BaseModel):
     """[time s, ms] pairs."""
 
     def at(self, t: Times) -> Times:
-        """Milliseconds at `t`."""
         times, values = np.array(self.points).T
         between: Times = np.interp(t, times, values)
         return between
@@ -99,21 +96,25 @@ class Line(BaseModel):
 
 
 class Ramp(BaseModel):
-    """Up (or down) in a straight line, a plateau, and back."""
+    """A linear rise (or fall), a plateau, and a linear return."""
 
     model_config = STRICT
     kind: ClassVar[str] = "ramp"
 
     from_ms: float = 0.0
+    """Value before and after."""
     to_ms: float
+    """Value of the plateau."""
     start_s: float = Field(default=0.0, ge=0)
+    """When the rise begins."""
     rise_s: float = Field(gt=0)
+    """Length of the rise."""
     hold_s: float = Field(default=0.0, ge=0)
+    """Length of the plateau."""
     fall_s: float = Field(default=0.0, ge=0)
-    """0: stays at `to_ms`."""
+    """0 stays at `to_ms`."""
 
     def at(self, t: Times) -> Times:
-        """Milliseconds at `t`."""
         top = self.start_s + self.rise_s
         times = [self.start_s, top, top + self.hold_s]
         values = [self.from_ms, self.to_ms, self.to_ms]
@@ -124,34 +125,36 @@ class Ramp(BaseModel):
         return shape
 
     def duration_s(self) -> float | None:
-        """End of the way back."""
+        """End of the return."""
         return self.start_s + self.rise_s + self.hold_s + self.fall_s
 
 
 class Sine(BaseModel):
-    """`mean + amplitude * sin(2 pi t / period + phase)`; frozen at its value at 0 before 0."""
+    """`mean + amplitude * sin(2 pi t / period + phase)`; before time 0 the value at 0 holds."""
 
     model_config = STRICT
     kind: ClassVar[str] = "sine"
 
     mean_ms: float = 0.0
+    """Mean of the wave."""
     amplitude_ms: float
+    """Amplitude of the wave."""
     period_s: float = Field(gt=0)
+    """Period of the wave."""
     phase_deg: float = 0.0
+    """Phase at run time 0."""
 
     def at(self, t: Times) -> Times:
-        """Milliseconds at `t`."""
         angle = 2 * np.pi * np.maximum(t, 0.0) / self.period_s + np.radians(self.phase_deg)
         wave: Times = self.mean_ms + self.amplitude_ms * np.sin(angle)
         return wave
 
     def duration_s(self) -> float | None:
-        """Never settles."""
         return None
 
 
 class Sum(BaseModel):
-    """Curves added up."""
+    """The sum of curves."""
 
     model_config = ConfigDict(extra="forbid", frozen=True, arbitrary_types_allowed=True)
     kind: ClassVar[str] = "sum"
@@ -159,33 +162,35 @@ class Sum(BaseModel):
     parts: list[Any] = Field(min_length=1)
 
     def at(self, t: Times) -> Times:
-        """Milliseconds at `t`."""
         total: Times = np.sum([part.at(t) for part in self.parts], axis=0)
         return total
 
     def duration_s(self) -> float | None:
-        """When the last part has settled."""
+        """Time at which the last part has settled."""
         ends = [part.duration_s() for part in self.parts]
         return None if None in ends else max(ends)
 
 
 class _Wrapped(BaseModel):
-    """A curve made of another one."""
+    """A curve derived from another one."""
 
     model_config = ConfigDict(
         extra="forbid", frozen=True, allow_inf_nan=False, arbitrary_types_allowed=True
     )
 
     of: Any
+    """The curve that is changed."""
 
 
 class Clamp(_Wrapped):
-    """Cut off below `min_ms` and above `max_ms`."""
+    """Another curve, clamped to `min_ms` and `max_ms`."""
 
     kind: ClassVar[str] = "clamp"
 
     min_ms: float = 0.0
+    """Lowest value."""
     max_ms: float | None = None
+    """Highest value; null: no bound."""
 
     @model_validator(mode="after")
     def _ordered(self) -> "Clamp":
@@ -194,12 +199,10 @@ class Clamp(_Wrapped):
         return self
 
     def at(self, t: Times) -> Times:
-        """Milliseconds at `t`."""
         cut: Times = np.clip(self.of.at(t), self.min_ms, self.max_ms)
         return cut
 
     def duration_s(self) -> float | None:
-        """As the curve inside."""
         end: float | None = self.of.duration_s()
         return end
 
@@ -210,50 +213,47 @@ class Scale(_Wrapped):
     kind: ClassVar[str] = "scale"
 
     factor: float = Field(ge=0)
+    """What every value is multiplied by."""
 
     def at(self, t: Times) -> Times:
-        """Milliseconds at `t`."""
         scaled: Times = self.factor * self.of.at(t)
         return scaled
 
     def duration_s(self) -> float | None:
-        """As the curve inside."""
         end: float | None = self.of.duration_s()
         return end
 
 
 class Delayed(_Wrapped):
-    """Another curve that begins later; its first value holds until then."""
+    """Another curve, shifted to begin later; its first value holds until then."""
 
     kind: ClassVar[str] = "delayed"
 
     by_s: float = Field(ge=0)
+    """Seconds by which it begins later."""
 
     def at(self, t: Times) -> Times:
-        """Milliseconds at `t`."""
         later: Times = self.of.at(np.maximum(t - self.by_s, 0.0))
         return later
 
     def duration_s(self) -> float | None:
-        """End of the curve inside, later."""
         end: float | None = self.of.duration_s()
         return None if end is None else end + self.by_s
 
 
 class Repeat(_Wrapped):
-    """The first `period_s` of another curve over and over."""
+    """The first `period_s` of another curve, repeated forever."""
 
     kind: ClassVar[str] = "repeat"
 
     period_s: float = Field(gt=0)
+    """Length of the part that repeats."""
 
     def at(self, t: Times) -> Times:
-        """Milliseconds at `t`."""
         again: Times = self.of.at(np.mod(np.maximum(t, 0.0), self.period_s))
         return again
 
     def duration_s(self) -> float | None:
-        """Never settles."""
         return None
 
 
@@ -266,10 +266,10 @@ class Trace(BaseModel):
     times_s: Any
     values_ms: Any
     hold: bool = False
-    """Steps instead of straight lines between samples."""
+    """Uses a step function instead of linear interpolation."""
 
     def at(self, t: Times) -> Times:
-        """Milliseconds at `t`; the last sample holds after the end."""
+        """The last sample holds after the end."""
         if self.hold:
             index = np.searchsorted(self.times_s, t, side="right") - 1
             held: Times = self.values_ms[np.clip(index, 0, None)]
@@ -283,7 +283,7 @@ class Trace(BaseModel):
 
 
 PLAIN: dict[str, type[BaseModel]] = {c.kind: c for c in (Ramp, Sine)}
-"""Kinds whose YAML is just their fields."""
+"""Kinds whose YAML consists of their fields."""
 LISTS: dict[str, type[BaseModel]] = {c.kind: c for c in (Steps, Line)}
 """Kinds whose YAML is a list of [time s, ms] pairs."""
 WRAPPERS: dict[str, type[BaseModel]] = {c.kind: c for c in (Clamp, Scale, Delayed, Repeat)}

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A link as slambed-relay and slambed-sim read it: they have the same model."""
+"""Link configuration shared by slambed-relay and slambed-sim."""
 
 from typing import Literal
 
@@ -7,75 +7,75 @@ from slambed.files.json_file import Record
 
 
 class JitterConfig(Record):
-    """What is added to the delay of each packet; packets stay in order."""
+    """Random delay added to each packet; packets stay in order."""
 
     shape: str
     """`normal` or `pareto`."""
     scale_us: float
     """`normal`: standard deviation; `pareto`: mean."""
     pareto_shape: float
-    """`pareto`: tail index, smaller = heavier."""
+    """`pareto`: tail index; a smaller index means a heavier tail."""
     max_us: float
-    """Where it is cut off; 0: nowhere."""
+    """Upper limit; 0: none."""
     correlation: float
-    """Between one packet and the next."""
+    """Correlation between successive packets."""
     correlation_time_s: float
-    """Instead, by time: exp(-dt / this); 0: not by time."""
+    """Time constant of correlation in time, exp(-dt / this); 0: per-packet correlation."""
 
 
 class LossConfig(Record):
-    """A chain of a good and a bad state, in time or one step per packet. Independent loss is the
-    chain that stays in its good state."""
+    """A chain of a good and a bad state, in time or with one step per packet. For independent
+    loss the chain stays in its good state."""
 
     good_s: float | None = None
     """In time: mean length of the good state."""
     bad_s: float | None = None
     """In time: mean length of the bad state."""
     to_bad: float | None = None
-    """Per packet: probability of good to bad."""
+    """Per packet: transition probability from good to bad."""
     to_good: float | None = None
-    """Per packet: probability of bad to good."""
+    """Per packet: transition probability from bad to good."""
     loss_good: float
-    """Share of packets that are lost in the good state."""
+    """Probability of packet loss in the good state."""
     loss_bad: float
-    """Share of packets that are lost in the bad state."""
+    """Probability of packet loss in the bad state."""
 
 
 class RateConfig(Record):
     """The bottleneck."""
 
     queue_bytes: int
-    """What may wait before it."""
+    """Size of the queue before it."""
     opportunities_ms: list[int] | None = None
-    """Of a trace: when a packet may leave; repeats from its start."""
+    """For a trace: times at which a packet may leave, repeated from its start."""
     bits_per_s: float | None = None
-    """Else: constant."""
+    """For a constant rate."""
 
 
 class DirectionConfig(Record):
-    """One direction; what is left out does nothing."""
+    """One direction; omitted impairments are off."""
 
     delay_us: list[float]
-    """One-way delay at 0, `step_ms`, 2 `step_ms` ...; the last one for ever."""
+    """One-way delay at 0, `step_ms`, 2 `step_ms` ...; the last value holds until the end."""
     jitter: JitterConfig | None = None
-    """What is added to it, drawn per packet."""
+    """Random delay added per packet."""
     loss: LossConfig | None = None
-    """What is dropped at random."""
+    """Random packet loss."""
     rate: RateConfig | None = None
-    """The bottleneck before the delay."""
+    """Bottleneck rate, applied before the delay."""
     gaps_s: list[tuple[float, float]] | None = None
-    """Begin and end of each time in which nothing arrives."""
+    """Begin and end of each outage, in which no packet arrives."""
     gap_drops: int | None = None
-    """With gaps: 1 drops what is under way, 0 holds it back."""
+    """With outages: 1 drops packets in flight, 0 delays them until the end of the outage."""
 
 
 class ModeledLink(Record):
-    """Both directions, from run time 0 on."""
+    """Both directions, from run time 0."""
 
     step_ms: float
-    """Between two values of the delays."""
+    """Time between two values of the delays."""
     interpolation: str
-    """`linear`: between two of them."""
+    """`linear`: between two values of the delays."""
     up: DirectionConfig
     """Mobile to edge."""
     down: DirectionConfig
@@ -83,50 +83,50 @@ class ModeledLink(Record):
 
 
 class RelayEnd(Record):
-    """One of the two devices that slambed-relay makes."""
+    """One of the two network devices that slambed-relay creates."""
 
     namespace: str
     """File of the network namespace."""
     device: str
-    """Its name there."""
+    """Name of the device in that namespace."""
     address: str
-    """IPv4."""
+    """IPv4 address."""
 
 
 class RelayConfig(Record):
-    """relay.json: what slambed-relay is to do. It refuses keys that it does not know."""
+    """relay.json: the configuration of slambed-relay. It rejects unknown keys."""
 
     format: Literal["slambed-link"]
-    """Of the file."""
+    """Name of the format."""
     version: Literal[1]
-    """Of the format."""
+    """Version of the format."""
     mobile: RelayEnd
-    """Of the mobile node."""
+    """Device of the mobile node."""
     edge: RelayEnd
-    """Of the edge."""
+    """Device of the edge."""
     prefix_length: int
-    """Of both addresses."""
+    """Prefix length of both addresses."""
     mtu: int
     """Largest packet in bytes, IP header included."""
     tx_queue_packets: int
-    """That the kernel keeps for a device at most."""
+    """Queue length of each device in the kernel."""
     seed: int
-    """Of losses and jitter."""
+    """Seed of losses and jitter."""
     step_ms: float
-    """Between two values of the delays."""
+    """Time between two values of the delays."""
     interpolation: str
-    """`linear`: between two of them."""
+    """`linear`: between two values of the delays."""
     up: DirectionConfig
     """Mobile to edge; as `link.up` in `sim.json`."""
     down: DirectionConfig
     """Edge to mobile."""
     spin_us: float
-    """How long before a packet is due the relay wakes and polls."""
+    """How long before a packet is due the relay wakes up and starts polling."""
     fifo_priority: int
-    """Of SCHED_FIFO, where that is permitted; 0: not asked for."""
+    """SCHED_FIFO priority, if permitted; 0: none."""
     parent_pid: int
-    """The process with which it ends."""
+    """Process whose end also ends the relay."""
     packet_log: str
-    """File: a record per packet."""
+    """File with one record per packet."""
     summary: str
-    """File: its counters, written at its end."""
+    """File with the relay's counters, written when it ends."""

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A profile compiled to what the relay reads: tables of one-way delay every 10 ms."""
+"""Compiles a profile to the relay's input: tables of one-way delays in steps of 10 ms."""
 
 import numpy as np
 
@@ -10,12 +10,13 @@ from slambed.link.traces import mean_rate_mbps
 
 STEP_MS = 10.0
 DEFAULT_QUEUE_S = 0.2
-"""Depth of the queue before a rate when the profile does not say: a usual router's buffer."""
+"""Depth of the queue before a rate that has no `queue_bytes`: the buffer of a typical router."""
 LEAST_QUEUE_BYTES = 65_536
 
 
 def delay_table_ms(profile: Profile, horizon_s: float) -> tuple[list[float], list[float]]:
-    """One-way delays (up, down) at 0, 10, 20 ... ms until the profile settles or the horizon."""
+    """Returns one-way delays (up, down) at 0, 10, 20 ... ms until the profile settles or the
+    horizon."""
     tables = []
     for curve, share in (
         (profile.up_curve, profile.up_share),
@@ -30,7 +31,7 @@ def delay_table_ms(profile: Profile, horizon_s: float) -> tuple[list[float], lis
 
 
 def queue_bytes(rate: Bandwidth, profile: Profile) -> int:
-    """Bytes that may wait before the rate."""
+    """Returns the size of the queue before the rate in bytes."""
     if rate.queue_bytes is not None:
         return rate.queue_bytes
     mbps = rate.mbps if rate.trace is None else mean_rate_mbps(profile.rate_traces[rate.trace])
@@ -41,7 +42,7 @@ def queue_bytes(rate: Bandwidth, profile: Profile) -> int:
 def direction_config(
     profile: Profile, side: Side, table_ms: list[float], horizon_s: float
 ) -> DirectionConfig:
-    """One direction as slambed-relay reads it."""
+    """Returns the configuration of one direction for slambed-relay."""
     asked: dict[str, object] = {}
     if side.jitter is not None:
         asked["jitter"] = side.jitter.relay_config()

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a manifest says about a link."""
+"""Facts about a link in the manifest."""
 
 from slambed.files.json_file import Record
 from slambed.link.proof import LinkProof
@@ -7,101 +7,101 @@ from slambed.spec.device import VIRTUAL
 
 
 class RelayCounters(Record):
-    """What slambed-relay counted in one direction, in packets where nothing else is said."""
+    """Counters of slambed-relay for one direction, in packets if no unit is given."""
 
     bytes: int
-    """That came in."""
+    """Bytes received."""
     delivered: int
-    """To the other side."""
+    """Delivered to the other side."""
     held_bytes_max: int
-    """Waiting at once, at most."""
+    """Maximum number of bytes held at the same time."""
     in_gap: int
-    """Dropped because they were under way during a gap."""
+    """Dropped because they were in flight during an outage."""
     late_us_max: float
-    """Written so long after it was due, at most."""
+    """Maximum time by which a packet was delivered late."""
     lost: int
-    """Dropped as the profile's loss asks."""
+    """Dropped by the profile's packet loss."""
     overflow: int
-    """Dropped because the relay held too many."""
+    """Dropped because the relay held too many packets."""
     packets: int
-    """That came in."""
+    """Packets received."""
     queue_full: int
-    """Dropped before the rate."""
+    """Dropped by the full queue before the rate."""
     write_errors: int
-    """That the other side's device refused."""
+    """Rejected by the other side's device."""
 
 
 class KernelDrops(Record):
-    """Packets that the kernel dropped at the relay's devices."""
+    """Packets dropped by the kernel at the relay's devices."""
 
     edge_rx: int
-    """Received, at the edge."""
+    """Receive drops at the edge."""
     edge_tx: int
-    """Sent, at the edge."""
+    """Transmit drops at the edge."""
     mobile_rx: int
-    """Received, at the mobile node."""
+    """Receive drops at the mobile node."""
     mobile_tx: int
-    """Sent, at the mobile node."""
+    """Transmit drops at the mobile node."""
 
 
 class RelaySummary(Record):
-    """What slambed-relay leaves as `relay_summary.json`; empty where it could not."""
+    """The relay's `relay_summary.json`; empty if the relay could not write it."""
 
     down: RelayCounters | None = None
     """Edge to mobile."""
     kernel_drops: KernelDrops | None = None
-    """At its devices."""
+    """Kernel drops at its devices."""
     real_time: bool | None = None
     """Whether it got real-time priority."""
     seed: int | None = None
-    """Of losses and jitter."""
+    """Seed of losses and jitter."""
     up: RelayCounters | None = None
     """Mobile to edge."""
 
 
 class LinkDetails(Record):
-    """Of a backend, in its own terms."""
+    """Details that depend on the backend."""
 
     real_time: bool | None = None
     """Relay: whether it got real-time priority."""
     kernel_drops: int | None = None
-    """Relay: of all devices."""
+    """Relay: drops over all devices."""
     relay: RelaySummary | None = None
-    """Relay: its own counters, from its start on."""
+    """Relay: its counters since its start."""
     carried_bytes: dict[str, int] | None = None
-    """Relay: the nodes' own packets that arrived `up` and `down`, IP headers and acknowledgments
-    included."""
+    """Relay: bytes of the nodes' packets delivered `up` and `down`, including IP headers and
+    ACKs, without the probe's echoes."""
     updates: int | None = None
-    """Netem: how often the delay was set."""
+    """Netem: number of delay updates."""
     longest_step_ms: float | None = None
-    """Netem: between two of them."""
+    """Netem: longest time between two updates."""
     tcp: dict[str, dict[str, str]] | None = None
-    """TCP settings of each node's kernel, by their names in /proc/sys."""
+    """TCP settings of each node's kernel, by name in /proc/sys."""
     base_ms: float | None = None
-    """RTT of the path before anything was added to it."""
+    """RTT of the path before any delay was added."""
 
 
 class LinkFacts(Record):
     """The manifest's `link`."""
 
     backend: str | None = None
-    """Null where nobody knew any more."""
+    """Null if it is unknown because the link's process died."""
     base_rtt_ms: float | None = None
-    """RTT of the path before anything was added to it."""
+    """RTT of the path before any delay was added."""
     drops: dict[str, int] | None = None
-    """Packets dropped `up` and `down`, on purpose or not; null in a virtual run."""
+    """Packets dropped `up` and `down`, intended or not; null in a virtual run."""
     died: str | None = None
-    """Why the link went away before it was stopped; null when it did not."""
+    """Why the link failed before it was stopped; null when it did not."""
     proof: LinkProof | None = None
-    """Asked against measured RTT; null in a virtual run."""
+    """Commanded versus measured RTT; null in a virtual run."""
     invalid_reason: str | None = None
-    """Why this is not the link that was asked for."""
+    """Why the link did not match its profile."""
     details: LinkDetails = LinkDetails()
-    """Of the backend, in its own terms."""
+    """Details that depend on the backend."""
 
     @staticmethod
     def virtual() -> "LinkFacts":
-        """Of a modeled link: it is what was asked for, and nothing is proved."""
+        """Returns the facts of a modeled link: exact by construction, so without a proof."""
         return LinkFacts(
             backend=VIRTUAL,
             base_rtt_ms=0.0,
@@ -113,7 +113,7 @@ class LinkFacts(Record):
 
     @staticmethod
     def gone(why: str) -> "LinkFacts":
-        """Of a link whose keeper took all it knew with it."""
+        """Returns the facts of a link whose helper process died and took its log along."""
         return LinkFacts(
             backend=None,
             base_rtt_ms=None,

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The harness's hold on a link that a helper container keeps (`slambed.link.link_helper`)."""
+"""The harness side of a link that a helper container holds (`slambed.link.link_helper`)."""
 
 import time
 from dataclasses import dataclass
@@ -27,7 +27,7 @@ ALIVE_EVERY_S = 0.2
 
 
 class HelperLink:
-    """Same life as `run_link.RunLink`; a helper that ends is a link that went away."""
+    """Same interface as `run_link.RunLink`; the end of the helper counts as a failed link."""
 
     def __init__(self, process: LineProcess) -> None:
         self._process = process
@@ -36,11 +36,11 @@ class HelperLink:
         self._facts: LinkFacts | None = None
 
     def start(self, t0_ns: int) -> None:
-        """Run time 0 on CLOCK_MONOTONIC."""
+        """Sets run time 0 on CLOCK_MONOTONIC."""
         self._process.ask(Start(t0_ns=t0_ns), Started, ANSWER_TIMEOUT_S)
 
     def alive(self) -> bool:
-        """False once the link, or the helper that keeps it, went away."""
+        """Returns False once the link, or the helper that holds it, has failed."""
         if self._alive and time.monotonic() - self._looked_s > ALIVE_EVERY_S:
             self._looked_s = time.monotonic()
             try:
@@ -50,7 +50,7 @@ class HelperLink:
         return self._alive
 
     def stop(self) -> LinkFacts:
-        """Takes the link down; what it says goes into the manifest."""
+        """Takes the link down and returns its facts for the manifest."""
         if self._facts is None:
             try:
                 self._facts = self._process.ask(StopLink(), LinkStopped, STOP_TIMEOUT_S).link
@@ -62,11 +62,11 @@ class HelperLink:
 
 
 class HelperStarter(Protocol):
-    """What a link needs of an engine."""
+    """The part of an engine that a link needs."""
 
     def sidecar_command(self, module: str, writable: list[Path]) -> list[str]:
-        """The command that runs a module of slambed as a sidecar of the nodes that are started,
-        with what it may write to."""
+        """Returns the command that runs a module of slambed as a sidecar of the running nodes,
+        with write access to the given paths."""
 
 
 @dataclass(frozen=True)
@@ -78,8 +78,8 @@ class HelperLinkOpener:
     def __call__(
         self, spec: RunSpec, mobile_ns: Path, edge_ns: Path, log_dir: Path, longest_s: float
     ) -> HelperLink:
-        """Joins the two namespaces by the link that the run asks for."""
-        # The helper is root without a root's right to write anywhere.
+        """Connects the two namespaces with the run's link."""
+        # The helper runs as root, but without the capability to override file permissions.
         log_dir.chmod(0o777)
         log_dir = log_dir.resolve()
         command = self.engine.sidecar_command(MODULE, [log_dir])

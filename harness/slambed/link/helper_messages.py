@@ -1,6 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What the harness and the process that keeps a link (`slambed.link.link_helper`) say to each
-other."""
+"""Messages between the harness and the process that holds a link (`slambed.link.link_helper`)."""
 
 from typing import Annotated, Literal
 
@@ -12,53 +11,53 @@ from slambed.spec.run_spec import RunSpec
 
 
 class OpenLink(Message):
-    """The first request: join two namespaces by the link that a run asks for."""
+    """First request: connect two namespaces with the link of a run."""
 
     request: Literal["open"] = "open"
     spec: RunSpec
-    """The whole run."""
+    """Complete specification of the run."""
     mobile: str
     """File of the mobile node's network namespace."""
     edge: str
-    """The same of the edge."""
+    """File of the edge's network namespace."""
     log_dir: str
     """Folder for the link's own files."""
     longest_s: float
-    """How long the run may last."""
+    """Maximum duration of the run."""
 
 
 class Opened(Message):
-    """The answer: the profile's value at time 0 is in force."""
+    """Answer: the profile's value at time 0 is in force."""
 
     reply: Literal["opened"] = "opened"
 
 
 class AskAlive(Message):
-    """Whether the link is still there."""
+    """Asks whether the link still works."""
 
     request: Literal["alive"] = "alive"
 
 
 class Alive(Message):
-    """The answer."""
+    """Answer."""
 
     reply: Literal["alive"] = "alive"
     alive: bool
-    """False once it went away by itself."""
+    """False once the link has failed."""
 
 
 class StopLink(Message):
-    """Take the link down; then the process ends."""
+    """Requests to take the link down and exit."""
 
     request: Literal["stop"] = "stop"
 
 
 class LinkStopped(Message):
-    """The answer."""
+    """Answer."""
 
     reply: Literal["stopped"] = "stopped"
     link: LinkFacts
-    """For the manifest."""
+    """Facts for the manifest."""
 
 
 Request = Annotated[OpenLink | Start | AskAlive | StopLink, Field(discriminator="request")]

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What besides delay a profile can ask of a direction: jitter, loss, rate, silence."""
+"""Impairments of a direction besides the delay: jitter, loss, rate and outages."""
 
 from typing import Literal
 
@@ -11,22 +11,26 @@ STRICT = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
 
 
 class Jitter(BaseModel):
-    """Extra delay per packet on top of the profile, seeded, delivered in order."""
+    """Random delay per packet on top of the profile, from a seed; packets are delivered in
+    order."""
 
     model_config = STRICT
 
     shape: Literal["normal", "pareto"] = "normal"
+    """Distribution of the extra delay."""
     sd_ms: float | None = Field(default=None, gt=0)
-    """normal: standard deviation; mean 0, the total delay never goes below 0."""
+    """normal: standard deviation; the mean is 0, and the total delay never drops below 0."""
     mean_ms: float | None = Field(default=None, gt=0)
     """pareto: mean of the extra delay, which starts at 0."""
     tail: float = Field(default=3.0, gt=1, le=100)
-    """pareto: tail index; smaller = heavier."""
+    """pareto: tail index; a smaller index means a heavier tail."""
     max_ms: float | None = Field(default=None, gt=0)
+    """Largest extra delay; null: no bound."""
     correlation: float = Field(default=0.0, ge=0, lt=1)
-    """Between one packet and the next."""
+    """Correlation between successive packets."""
     correlation_s: float | None = Field(default=None, gt=0)
-    """Correlation by time, exp(-dt / this), so that it does not depend on the packet rate."""
+    """Time constant of correlation in time, exp(-dt / this), which is independent of the packet
+    rate."""
 
     @model_validator(mode="after")
     def _complete(self) -> "Jitter":
@@ -38,7 +42,7 @@ class Jitter(BaseModel):
         return self
 
     def relay_config(self) -> JitterConfig:
-        """As slambed-relay reads it."""
+        """Returns the configuration for slambed-relay."""
         scale_ms = self.sd_ms if self.shape == "normal" else self.mean_ms
         assert scale_ms is not None
         return JitterConfig(
@@ -52,11 +56,11 @@ class Jitter(BaseModel):
 
 
 class GilbertElliott(BaseModel):
-    """Bursty loss: a chain of a good and a bad state, in time or one step per packet.
+    """Bursty loss: a chain of a good and a bad state, in time or with one step per packet.
 
-    In time (`good_s`, `bad_s`) bursts come and go whatever is sent. Per packet (`to_bad`,
-    `to_good`) a burst lasts until enough packets were lost in it: a sender that waits for a
-    time-out waits inside the burst, so this is a model for streams that never stop.
+    In time (`good_s`, `bad_s`) bursts do not depend on the traffic. Per packet (`to_bad`,
+    `to_good`) a burst lasts until enough packets have entered it. A sender that waits for a timeout
+    then prolongs the burst, so use this model for continuous streams only.
     """
 
     model_config = STRICT
@@ -66,10 +70,13 @@ class GilbertElliott(BaseModel):
     bad_s: float | None = Field(default=None, ge=1e-4, le=1e6)
     """Mean duration of a burst."""
     to_bad: float | None = Field(default=None, ge=0, le=1)
-    """Good to bad, per packet."""
+    """Transition probability from good to bad, per packet."""
     to_good: float | None = Field(default=None, ge=0, le=1)
+    """Bad to good, per packet."""
     loss_good: float = Field(default=0.0, ge=0, le=1)
+    """Share of packets lost in the good state."""
     loss_bad: float = Field(default=1.0, ge=0, le=1)
+    """Share of packets lost in the bad state."""
 
     @model_validator(mode="after")
     def _one_chain(self) -> "GilbertElliott":
@@ -82,7 +89,7 @@ class GilbertElliott(BaseModel):
         return self
 
     def bad_share(self) -> float:
-        """Share of the time, or of the packets, in the bad state."""
+        """Returns the share of the time, or of the packets, in the bad state."""
         if self.good_s is not None and self.bad_s is not None:
             return self.bad_s / (self.bad_s + self.good_s)
         assert self.to_bad is not None and self.to_good is not None
@@ -91,13 +98,14 @@ class GilbertElliott(BaseModel):
 
 
 class PacketLoss(BaseModel):
-    """Packet loss: packets dropped at random, seeded. All values are shares, 0..1."""
+    """Random packet loss from a seed. All values are probabilities, 0..1."""
 
     model_config = STRICT
 
     random: float | None = Field(default=None, ge=0, le=1)
-    """Each packet on its own."""
+    """Loss probability of each packet, independent of the others."""
     gilbert_elliott: GilbertElliott | None = None
+    """Bursts of loss."""
 
     @model_validator(mode="after")
     def _one(self) -> "PacketLoss":
@@ -106,13 +114,14 @@ class PacketLoss(BaseModel):
         return self
 
     def relay_config(self) -> LossConfig:
-        """As slambed-relay reads it: independent loss is the chain that stays in its good state."""
+        """Returns the configuration for slambed-relay; for independent loss the chain stays in
+        its good state."""
         if self.gilbert_elliott is not None:
             return LossConfig(**self.gilbert_elliott.model_dump(exclude_none=True))
         return LossConfig(to_bad=0.0, to_good=1.0, loss_good=self.random or 0.0, loss_bad=1.0)
 
     def mean(self) -> float:
-        """Expected share of lost packets."""
+        """Returns the expected share of lost packets."""
         if (chain := self.gilbert_elliott) is None:
             return self.random or 0.0
         bad = chain.bad_share()
@@ -125,10 +134,11 @@ class Bandwidth(BaseModel):
     model_config = STRICT
 
     mbps: float | None = Field(default=None, ge=0.001, le=100_000)
+    """Constant rate in Mbit/s."""
     trace: str | None = None
-    """Mahimahi file; repeats from its start when it ends."""
+    """Path of a Mahimahi file; it repeats from its start when it ends."""
     queue_bytes: int | None = Field(default=None, ge=3000)
-    """Not given: what the mean rate carries in 200 ms, at least 64 KiB."""
+    """Default: what the mean rate carries in 200 ms, at least 64 KiB."""
 
     @model_validator(mode="after")
     def _one(self) -> "Bandwidth":
@@ -138,14 +148,16 @@ class Bandwidth(BaseModel):
 
 
 class Gap(BaseModel):
-    """An outage, as in a hand-over: nothing arrives for a while."""
+    """An outage, as in a handover: no packet arrives for a while."""
 
     model_config = STRICT
 
     start_s: float = Field(ge=0)
+    """Run time at which it begins."""
     length_s: float = Field(gt=0)
+    """How long nothing arrives."""
     every_s: float | None = Field(default=None, gt=0)
-    """Again and again with this period."""
+    """Repeats the outage with this period."""
 
     @model_validator(mode="after")
     def _apart(self) -> "Gap":
@@ -154,7 +166,7 @@ class Gap(BaseModel):
         return self
 
     def within(self, horizon_s: float) -> list[tuple[float, float]]:
-        """[start, end] of each gap that begins before the horizon."""
+        """Returns [start, end] of each outage that begins before the horizon."""
         found = []
         start = self.start_s
         while start < horizon_s:

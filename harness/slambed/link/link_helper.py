@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The link of a run in a helper container: for a harness that is not root.
+"""Holds the link of a run in a helper container, for a harness without root privileges.
 
-Run as `python -m slambed.link.link_helper`. It answers the messages of `helper_messages`, a line
-each. It ends, and the link with it, at the end of its input.
+Run as `python -m slambed.link.link_helper`. It answers the messages of `helper_messages`, one per
+line. When its input ends, it takes the link down and exits.
 """
 
 import sys
@@ -33,7 +33,7 @@ from slambed.sampling.cpu_group import leave_cpu_group
 
 
 def main() -> None:
-    """One request a line, one answer a line; the first opens the link."""
+    """Answers requests, one per line; the first one opens the link."""
     leave_cpu_group()
     answer = partial(send, sys.stdout)
     with last_answer(answer), ExitStack() as until_the_end:

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The same trace of messages through a real link and through the virtual engine's model of it.
+"""Sends the same messages over a real link and through the virtual engine's model of it.
 
-One TCP connection, messages going up. Live: two namespaces, the kernel's TCP, a link backend.
-Virtual: `slambed-sim --messages`.
+Both use one TCP connection with messages going up. Live: two namespaces, the kernel's TCP and a
+link backend. Virtual: `slambed-sim --messages`.
 """
 
 import json
@@ -30,52 +30,52 @@ from slambed.process.namespaces import inside
 
 PORT = 47095
 HEADER_BYTES = 44
-"""Of a frame on a channel (runtime/frame_header.hpp): the virtual link adds them."""
+"""Header of a frame on a channel (runtime/frame_header.hpp), which the virtual link adds."""
 HEAD_START_S = 0.5
 LONGEST_STALL_S = 150.0
-"""A time-out of TCP backs off to 120 s."""
+"""TCP's retransmission timeout backs off to 120 s."""
 NS = 1e9
 
 SIZES = (1_000, 10_000, 40_000, 160_000, 640_000)
-"""Bytes: a probe, a small and a usual keyframe, an update, Edge-SLAM's text keyframe."""
+"""Bytes of a probe, a small and a typical keyframe, an update, and Edge-SLAM's text keyframe."""
 RTTS_MS = (0.25, 20.0, 40.0, 80.0)
 RATES_MBPS = (None, 50.0)
 GAP_S = 2.5
-"""Between messages, so that each starts on an idle connection."""
+"""Time between messages, so that each one starts on an idle connection."""
 
 
 @dataclass(frozen=True)
 class Trace:
-    """When messages are sent, and how large they are."""
+    """Send times and sizes of messages."""
 
     sent_s: NDArray[np.float64]
     sizes: NDArray[np.int64]
 
     @staticmethod
     def of(sizes: Sequence[int], repetitions: int, gap_s: float = GAP_S) -> "Trace":
-        """All sizes in turn, one message at a time."""
+        """Cycles through all sizes, one message at a time."""
         every = np.array([*sizes] * repetitions)
         return Trace(gap_s * np.arange(len(every), dtype=np.float64), every)
 
     @staticmethod
     def steady(count: int, size: int, hz: float) -> "Trace":
-        """Messages of one size at a steady rate."""
+        """Messages of one size at a constant rate."""
         return Trace(np.arange(count, dtype=np.float64) / hz, np.full(count, size))
 
     @property
     def end_s(self) -> float:
-        """When the last message has surely arrived."""
+        """Time by which the last message has certainly arrived."""
         return float(self.sent_s[-1]) + GAP_S
 
 
 def bench_profile(rtt_ms: float, rate_mbps: float | None) -> Profile:
-    """A constant RTT, with or without a rate."""
+    """Returns a profile with a constant RTT and an optional rate."""
     rate = {} if rate_mbps is None else {"rate": {"mbps": rate_mbps}}
     return parse_profile({"name": "messages", "rtt_ms": rtt_ms, **rate}, "messages")
 
 
 def virtual_ms(profile: Profile, trace: Trace, seed: int = 1) -> NDArray[np.float64]:
-    """Time from sending to arrival of each message in the model."""
+    """Returns the latency of each message in the model."""
     content = {
         "format": "slambed-messages",
         "version": 1,
@@ -102,7 +102,7 @@ def virtual_ms(profile: Profile, trace: Trace, seed: int = 1) -> NDArray[np.floa
 def live_ms(
     profile: Profile, trace: Trace, backend: str = "relay", seed: int = 1
 ) -> NDArray[np.float64]:
-    """The same between two namespaces, measured."""
+    """Returns the latency of each message measured between two namespaces."""
     with ExitStack() as stack:
         log_dir = Path(stack.enter_context(tempfile.TemporaryDirectory()))
         mobile, edge = stack.enter_context(two_namespaces())
@@ -118,7 +118,7 @@ def live_ms(
         peer, _ = server.accept()
         stack.enter_context(peer)
         client.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
-        # Run time 0 is the trace's, as in the model: a burst or a cut meets the same messages.
+        # Run time 0 is the trace's time 0, as in the model: bursts and cuts hit the same messages.
         begin = time.monotonic() + HEAD_START_S
         link.start(int(begin * NS))
 
@@ -132,13 +132,12 @@ def live_ms(
         peer.settimeout(LONGEST_STALL_S)
         arrived = [_take(peer, int(size)) for size in trace.sizes]
         thread.join()
-    # From when a message was due: a full send buffer holds the sender back, and what it waits for
-    # that would be missing.
+    # Measured from the due time: a full send buffer blocks the sender, and that wait must count.
     return (np.array(arrived) - begin - trace.sent_s) * 1e3
 
 
 def _take(peer: socket.socket, size: int) -> float:
-    """When the last byte of a message came."""
+    """Returns the time at which the last byte of a message arrived."""
     left = size
     while left > 0:
         if not (piece := peer.recv(min(left, 1 << 18))):
@@ -153,7 +152,8 @@ def compare(
     repetitions: int,
     backend: str = "relay",
 ) -> pd.DataFrame:
-    """One row per profile (RTT, rate) and size: medians of both, and the error."""
+    """Returns one row per profile (RTT, rate) and size: live and virtual medians, and their
+    difference."""
     rows = []
     for rtt_ms, rate_mbps in profiles:
         profile, trace = bench_profile(rtt_ms, rate_mbps), Trace.of(sizes, repetitions)
@@ -182,10 +182,12 @@ QUANTILES = (0.5, 0.9, 1.0)
 def compare_profile(
     profile: Profile, trace: Trace, seeds: Sequence[int], backend: str = "relay"
 ) -> pd.DataFrame:
-    """One row per seed: how long messages of the trace took on the real link and in the model.
+    """Returns one row per seed: latencies of the trace's messages on the real link and in the
+    model.
 
-    Columns `live_50_ms`, `virtual_50_ms`, likewise 90 and 100 (the longest stall). Where chance
-    plays a part, a seed is two different runs: distributions are to be compared, not rows.
+    Columns are `live_50_ms`, `virtual_50_ms`, likewise 90 and 100 (the longest stall). With random
+    impairments the same seed gives different runs on both sides, so compare distributions, not
+    rows.
     """
     rows = []
     for seed in seeds:

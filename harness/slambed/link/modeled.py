@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A profile as slambed-sim reads it: what the relay reads, because it is the same model."""
+"""Configuration of a profile for slambed-sim, which uses the same model as the relay."""
 
 from pathlib import Path
 
@@ -12,7 +12,7 @@ from slambed.link.record import ASKED_STEP_S, series_frame
 
 
 def modeled_link(profile: Profile, horizon_s: float) -> ModeledLink:
-    """Both directions (docs/formats.md, "Virtual run")."""
+    """Returns both directions (docs/reference/run-folder.md, "Virtual run")."""
     up_ms, down_ms = delay_table_ms(profile, horizon_s)
     return ModeledLink(
         step_ms=STEP_MS,
@@ -23,7 +23,8 @@ def modeled_link(profile: Profile, horizon_s: float) -> ModeledLink:
 
 
 def write_link_log(profile: Profile, played_s: float, folder: Path) -> None:
-    """link.parquet of a virtual run: what was asked is what was applied; nothing is probed."""
+    """Writes link.parquet of a virtual run: the profile is applied exactly, and nothing is
+    probed."""
     folder.mkdir()
     t = np.arange(0.0, played_s + ASKED_STEP_S, ASKED_STEP_S)
     up, down = profile.up_ms(t), profile.down_ms(t)

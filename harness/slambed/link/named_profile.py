@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Profiles as experiments name them, and which backend they get."""
+"""Profiles as experiments name them, and the backend for each one."""
 
 from typing import Any
 
@@ -10,27 +10,27 @@ from slambed.spec.matrix import NamedProfile
 
 ANY_CUT = Fault(at_s=0.0, link="cut", for_s=1.0)
 
-# Words about a profile; a change of them does not change a run.
+# Descriptive keys of a profile, which are not part of the run key.
 WORDS = ("description", "source")
 
 
 def read_profile(item: str | float | dict[str, Any], where: str) -> NamedProfile:
-    """A profile by name, as a number or written in place, checked."""
+    """Parses a profile given by name, as a number or inline."""
     profile = parse_profile(item, where)
     content = {key: value for key, value in profile.content.items() if key not in WORDS}
     return NamedProfile(profile.name, content)
 
 
 def adds_nothing(profile: NamedProfile) -> bool:
-    """Whether it leaves the path as it is."""
+    """Returns whether the profile adds nothing to the path."""
     return parse_profile(profile.content, f"profile {profile.name}").is_none
 
 
 def backend_for(
     asked: str, profile: NamedProfile, cut: bool = False, netem: bool | None = None
 ) -> str:
-    """The backend that a profile gets on this host; cut: some runs drop everything for a while.
-    `netem`: whether other hosts have it, where they execute the runs."""
+    """Returns the backend of a profile. With `cut`, some runs also drop all packets for a while.
+    `netem` tells whether the hosts that execute the runs have it; None checks this host."""
     content = profile.content
     if cut:
         content = with_cuts(content | {"gap_mode": "drop"}, [ANY_CUT])

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The namespaces of a link: equal TCP settings in both, and what may go wrong before it is up."""
+"""Namespaces of a link: identical TCP settings in both, and checks before the setup."""
 
 import contextlib
 import os
@@ -15,22 +15,22 @@ from slambed.process.namespaces import inside, namespace_path
 Result = TypeVar("Result")
 
 TCP_SETTINGS = {
-    # Machines differ in their default; bbr, for one, behaves quite differently on a changing link.
+    # Default algorithms differ between hosts; bbr, for one, behaves differently on a varying link.
     "net/ipv4/tcp_congestion_control": "cubic",
-    # Or a run would start with what the run before it learned about the path.
+    # Otherwise a run would start with cached TCP metrics of the path from the previous run.
     "net/ipv4/tcp_no_metrics_save": "1",
-    # Receive buffers start where auto-tuning would end: on Linux 6.18 every fourth connection was
-    # seen to stay at its first 64 KiB window for good, 16 instead of 500 Mbit/s at 40 ms.
+    # Receive buffers start at their final size: on Linux 6.18 auto-tuning left every fourth
+    # connection at its first 64 KiB window, with 16 instead of 500 Mbit/s at 40 ms.
     "net/ipv4/tcp_rmem": "4096 4194304 33554432",
 }
 
 ALLOWED = Path("/proc/sys/net/ipv4/tcp_allowed_congestion_control")
-"""Exists in the initial namespace only, and rules what the others may choose."""
+"""Exists only in the initial namespace and limits the choice in all others."""
 
 
 @contextlib.contextmanager
 def _cubic_allowed() -> Iterator[None]:
-    """Lets namespaces choose cubic while it lasts: a host may allow only reno and its default."""
+    """Temporarily allows cubic in namespaces: a host may allow only reno and its default."""
     wanted = TCP_SETTINGS["net/ipv4/tcp_congestion_control"]
     before = ""
     with contextlib.suppress(OSError):
@@ -46,7 +46,7 @@ def _cubic_allowed() -> Iterator[None]:
 
 
 def tune_tcp(namespace: str | Path) -> dict[str, str]:
-    """Same TCP on every host; returns what the kernel says it is now."""
+    """Sets the same TCP options on every host; returns the values that the kernel then reports."""
 
     def work() -> dict[str, str]:
         for key, value in TCP_SETTINGS.items():
@@ -71,9 +71,9 @@ def _read(key: str) -> str:
 
 
 def by_netlink(namespace: str | Path, work: Callable[[Any], Result]) -> Result:
-    """The result of `work` on a pyroute2.IPRoute inside the namespace.
+    """Returns the result of `work` on a pyroute2.IPRoute inside the namespace.
 
-    Not pyroute2.NetNS, which forks this whole process for every socket.
+    Avoids pyroute2.NetNS, which forks this whole process for every socket.
     """
 
     def visit() -> Result:
@@ -84,13 +84,13 @@ def by_netlink(namespace: str | Path, work: Callable[[Any], Result]) -> Result:
 
 
 def check_privilege(what: str) -> None:
-    """Raises with one clear line unless this process may enter namespaces."""
+    """Raises SlambedError unless this process has the privilege to enter namespaces."""
     if os.geteuid() != 0:
         raise environment_error(f"{what} needs root; run with sudo, or engine virtual")
 
 
 def different(mobile: str | Path, edge: str | Path) -> None:
-    """Both ends in one namespace would make the kernel deliver locally, past the link."""
+    """Rejects two ends in one namespace: the kernel would deliver locally and bypass the link."""
     with contextlib.suppress(OSError):
         if namespace_path(mobile).samefile(namespace_path(edge)):
             raise SlambedError(

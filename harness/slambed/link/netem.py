@@ -27,22 +27,23 @@ from slambed.link.veth import VethPair
 
 STEP_S = 0.01
 UNLIMITED_BYTES_PER_S = 12_500_000_000
-"""100 Gbit/s: 0.12 us per packet, far below what is measured."""
+"""100 Gbit/s: 0.12 us per packet, far below the measurement error."""
 LIMIT_PACKETS = 100_000
-"""Longest delay times highest rate in use: 1 Gbit/s for 1 s of 1,500-byte packets is 83,000."""
+"""Covers the largest delay times the highest rate in use: 1 Gbit/s for 1 s is 83,000 packets of
+1,500 bytes."""
 PACKET_BYTES = 1500
 FIFO_PRIORITY = 20
 
 
 @functools.cache
 def netem_available() -> bool:
-    """True when this kernel has sch_netem and we may use it."""
+    """Returns whether this kernel has sch_netem and we may use it."""
     return kernel_has_netem()
 
 
 def why_not_netem(profile: Profile) -> str | None:
-    """What of the profile netem cannot do the way the profile means it; None when it can. Bursts in
-    time that lose everything are switched on and off: no packet needs a random number."""
+    """Returns why netem cannot implement the profile; None if it can. Time-based bursts that
+    lose all packets are possible by switching the loss on and off, without random numbers."""
     for side in (profile.up, profile.down):
         if side.jitter:
             return "its jitter reorders packets and has no seed; use backend relay"
@@ -54,7 +55,7 @@ def why_not_netem(profile: Profile) -> str | None:
 
 
 class NetemShaper:
-    """Netem on both ends, each delaying what leaves it."""
+    """Netem on both ends, each delaying its outgoing packets."""
 
     name = "netem"
 
@@ -74,7 +75,8 @@ class NetemShaper:
         self._pair = VethPair(mobile, edge, o)
         self._ends: list[NetemControl] = []
         self._applied: list[tuple[int, list[float]]] = []
-        """Monotonic time, delays up and down [ms], losses up and down (0 or 1)."""
+        """(monotonic time [ns], [delay up [ms], delay down [ms], loss up, loss down]); loss is 0
+        or 1."""
         self._failure: str | None = None
         self._stopped = threading.Event()
         self._thread: threading.Thread | None = None
@@ -87,7 +89,7 @@ class NetemShaper:
             raise
 
     def apply(self) -> None:
-        """From adding nothing to the profile's value at time 0; no burst before the run."""
+        """Applies the profile's value at time 0; there are no bursts before the run."""
         self._set(0.0, -1.0)
 
     def _set(self, run_time_s: float, burst_time_s: float) -> None:
@@ -100,7 +102,8 @@ class NetemShaper:
         self._applied.append((time.monotonic_ns(), [*delays, *map(float, lost)]))
 
     def start(self, t0_ns: int) -> None:
-        """Follows the profile from `t0_ns` on; a constant one without bursts needs nothing more."""
+        """Follows the profile from `t0_ns` on; a constant profile without bursts needs no
+        thread."""
         if self._profile.duration == 0.0 and not any(self._bursts):
             return
         self._thread = threading.Thread(
@@ -110,14 +113,15 @@ class NetemShaper:
 
     def _follow(self, t0_ns: int) -> None:
         if self._real_time:
-            # Refused without the privilege: the changes come when they come, the log says so.
+            # Without the privilege updates may be late, which the log shows.
             with contextlib.suppress(OSError):
                 os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(FIFO_PRIORITY))
         end_s = self._profile.duration
         step = 0
         try:
             while not self._stopped.is_set():
-                # The middle of the step to come: on a slope the error is half a step either way.
+                # Uses the value in the middle of the coming step, so that a slope has an error of
+                # at most half a step.
                 now_s = (time.monotonic_ns() - t0_ns) / 1e9
                 self._set(max(0.0, now_s + STEP_S / 2), now_s)
                 if now_s >= step * STEP_S:
@@ -132,13 +136,14 @@ class NetemShaper:
             self._failure = str(error)
 
     def died(self) -> str | None:
-        """None while both devices are there and can be set."""
+        """Returns None while both devices exist and can be configured."""
         if self._failure is None and not all(end.device_there() for end in self._ends):
             self._failure = f"device {DEVICE} went away"
         return self._failure
 
     def stop(self, t0_ns: int) -> ShaperReport:
-        """Removes the pair; reports what was set when, and what the kernel dropped."""
+        """Removes the pair; reports the applied settings with their times, and the kernel's
+        drops."""
         drops = {"up": _dropped(self._mobile), "down": _dropped(self._edge)}
         self.abort()
         times = np.array([(at - t0_ns) / 1e9 for at, _ in self._applied])
@@ -176,7 +181,8 @@ def _bytes_per_s(side: Side) -> int:
 
 
 def _limits(profile: Profile) -> list[int]:
-    """Packets per end; netem counts what is under way too, so that is added to the queue."""
+    """Returns the packet limit per end; netem's limit also counts packets in flight, so they are
+    added to the queue size."""
     t = np.arange(0.0, max(profile.duration or 0.0, CHECK_FOREVER_S), 0.1)
     limits = []
     for side, delays_ms in ((profile.up, profile.up_ms(t)), (profile.down, profile.down_ms(t))):
@@ -189,7 +195,7 @@ def _limits(profile: Profile) -> list[int]:
 
 
 def _dropped(namespace: Path) -> int:
-    """Packets that netem threw away: its queue was full, or a burst."""
+    """Returns the packets that netem dropped, by a full queue or a burst."""
 
     def work(netlink: Any) -> int:
         (index,) = netlink.link_lookup(ifname=DEVICE)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Netem settings as raw netlink messages: cheap enough to change both ends every 10 ms."""
+"""Netem settings as raw netlink messages, fast enough to update both ends every 10 ms."""
 
 import array
 import ctypes
@@ -35,17 +35,18 @@ ANSWER_TIMEOUT_S = 2.0
 
 @dataclass(frozen=True)
 class NetemSettings:
-    """What netem is given."""
+    """Parameters of netem."""
 
     delay_ms: float
     limit_packets: int
     rate_bytes_per_s: int
-    """Always given, however high: with a rate netem keeps packets in order when the delay falls."""
+    """Always set, even if unlimited: with a rate netem keeps packets in order when the delay
+    falls."""
     lost: bool = False
-    """All packets that come are lost."""
+    """Drops all packets."""
 
     def options(self) -> bytes:
-        """struct tc_netem_qopt and its attributes."""
+        """Returns struct tc_netem_qopt and its attributes."""
         plain = struct.pack("=6I", 0, self.limit_packets, LONGEST_U32 * self.lost, 0, 0, 0)
         short = min(self.rate_bytes_per_s, LONGEST_U32)
         rate = _attribute(TCA_NETEM_RATE, struct.pack("=IiIi", short, 0, 0, 0))
@@ -60,7 +61,7 @@ def _attribute(kind: int, payload: bytes) -> bytes:
 
 
 class NetemControl:
-    """Netem of one device, through a netlink socket that lives in the device's namespace."""
+    """Controls netem of one device through a netlink socket in the device's namespace."""
 
     def __init__(self, namespace: Path, device: str) -> None:
         self._device = device
@@ -69,7 +70,7 @@ class NetemControl:
         self._sequence = 0
 
     def set(self, settings: NetemSettings, create: bool = False) -> None:
-        """Makes netem the root of the device (`create`) or changes its settings."""
+        """Installs netem as the root qdisc of the device (`create`) or changes its settings."""
         code = self._request(settings, create)
         if code == 0:
             return
@@ -96,7 +97,7 @@ class NetemControl:
                 return -int(struct.unpack_from("=i", answer, _HEADER.size)[0])
 
     def device_there(self) -> bool:
-        """False once the device has gone."""
+        """Returns False once the device has gone."""
         try:
             fcntl.ioctl(self._ioctl, SIOCGIFFLAGS, struct.pack("16s24x", self._device.encode()))
         except OSError:
@@ -118,7 +119,8 @@ def _open(device: str) -> tuple[socket.socket, socket.socket, int]:
 
 
 def without_segmentation_offload(namespace: Path, device: str) -> None:
-    """Packets of MTU size on the link: a 64 KiB super-packet would pass rate and queue as one."""
+    """Disables TSO and GSO so that packets have MTU size: rate and queue would handle a 64 KiB
+    super-packet as one."""
 
     def work() -> None:
         with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as plain:
@@ -137,7 +139,7 @@ def without_segmentation_offload(namespace: Path, device: str) -> None:
 
 
 def kernel_has_netem() -> bool:
-    """Tries netem on the loopback device of a namespace that lives as long as a thread."""
+    """Tests netem on the loopback device of a temporary namespace of a thread."""
     found: list[bool] = []
 
     def visit() -> None:

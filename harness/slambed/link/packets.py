@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The relay's packet log: every packet with the delay it really had."""
+"""The relay's packet log: every packet with its actual delay."""
 
 from pathlib import Path
 
@@ -22,16 +22,17 @@ RECORD = np.dtype(
         ("padding", "V3"),
     ]
 )
-"""struct PacketRecord of systems/apps/relay/packet_log.hpp: keep both in step."""
+"""struct PacketRecord of systems/apps/relay/packet_log.hpp; both must stay in sync."""
 
 PACKET_LOG = "packets.bin"
-"""In the log folder of a link."""
+"""File in the log folder of a link."""
 SIDES = ["up", "down"]
 ICMP, UDP = 1, 17
 
 
 def read_packets(path: Path) -> pd.DataFrame:
-    """One row per packet in order of arrival at the relay; a torn last record is left out."""
+    """Returns one row per packet, sorted by arrival at the relay; a truncated last record is
+    dropped."""
     data = path.read_bytes() if path.exists() else b""
     whole = len(data) // RECORD.itemsize * RECORD.itemsize
     records = np.frombuffer(data[:whole], dtype=RECORD)
@@ -40,12 +41,12 @@ def read_packets(path: Path) -> pd.DataFrame:
 
 
 def delivered(packets: pd.DataFrame, direction: int) -> pd.DataFrame:
-    """Packets of one direction (0 up, 1 down) that arrived."""
+    """Returns the delivered packets of one direction (0 up, 1 down)."""
     return packets[(packets["direction"] == direction) & (packets["fate"] == 0)]
 
 
 def lateness_ms(packets: pd.DataFrame) -> NDArray[np.float64]:
-    """How much later than meant each delivered packet was handed over."""
+    """Returns how much later than due each packet was delivered."""
     arrived = packets[packets["fate"] == 0]
     late: NDArray[np.float64] = (arrived["out_ns"] - arrived["due_ns"]).to_numpy() / 1e6
     return late

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Round trip times of ping's output: iputils (any language, with -D), busybox, BSD and macOS,
+"""Parses RTTs from ping output: iputils (any language, with -D), busybox, BSD and macOS,
 Windows."""
 
 from __future__ import annotations
@@ -8,11 +8,12 @@ import re
 from dataclasses import dataclass
 
 _NUMBER = r"(\d+(?:[.,]\d+)?)"
-#: `icmp_seq=7 ttl=57 time=11,3 ms`: the words are translated, their order is not.
+# Matches `icmp_seq=7 ttl=57 time=11,3 ms`. Words differ between languages, their order does not.
 _UNIX = re.compile(rf"seq=(\d+)\s+[^\s=]+=\d+\s+[^\s=<]+\s*[=<]+\s*{_NUMBER}\s*(\D*)")
-#: `time=12ms TTL=57`, `time<1ms`; IPv6 has no TTL, and the statistics have a blank behind `=`.
+# Matches `time=12ms TTL=57` and `time<1ms`. IPv6 has no TTL; the statistics lines have a blank
+# after `=`.
 _WINDOWS = re.compile(rf"\s[^\s=<]+\s?[=<]{_NUMBER}\s?([^\W\d]+)(?:\s+TTL=\d+)?\s*$", re.I)
-#: Of duplicates, `(DUP!)` in whatever language.
+# Marks duplicates, such as `(DUP!)`, in any language.
 _MARKED = "!)"
 _STAMP = re.compile(r"\s*\[(\d+(?:\.\d+)?)\]")
 _MS_PER = {"s": 1e3, "sec": 1e3, "us": 1e-3, "usec": 1e-3, "µs": 1e-3, "μs": 1e-3}
@@ -22,7 +23,8 @@ _WRAP = 1 << 16
 
 @dataclass(frozen=True)
 class Echo:
-    """A reply: when the request was sent, in intervals or, stamped, in seconds since 1970."""
+    """One reply; `sent` is the request's time in intervals, or in s since 1970 if the log has
+    stamps."""
 
     sent: float
     rtt_ms: float
@@ -30,21 +32,21 @@ class Echo:
 
 @dataclass(frozen=True)
 class PingLog:
-    """Replies in the order of their requests, each once."""
+    """Replies in the order of their requests, without duplicates."""
 
     echoes: list[Echo]
     is_stamped: bool
 
 
 def read_ping(lines: list[str]) -> PingLog:
-    """Replies of either kind of log; a mixture is none. Raises ValueError for two logs in one."""
+    """Parses the replies of either format. Raises ValueError if the file contains two logs."""
     unix = [(line, found) for line in lines if (found := _UNIX.search(line))]
     return _unix(unix) if unix else PingLog(_windows(lines), False)
 
 
 def _unix(replies: list[tuple[str, re.Match[str]]]) -> PingLog:
-    """Sequence numbers go on where they wrap; of a duplicate the first reply counts. Where every
-    line has its time, the request was sent a round trip before."""
+    """Unwraps sequence numbers; the first reply of a duplicate counts. If all lines have
+    timestamps, the send time is the timestamp minus the RTT."""
     stamps = [_STAMP.match(line) for line, _ in replies]
     is_stamped = all(stamps)
     echoes: dict[int, Echo] = {}
@@ -62,8 +64,8 @@ def _unix(replies: list[tuple[str, re.Match[str]]]) -> PingLog:
 
 
 def _windows(lines: list[str]) -> list[Echo]:
-    """Replies have no numbers: what stands between the first and the last of them is a request
-    without a reply, in whatever language it is reported."""
+    """Windows replies have no numbers: each other line between the first and the last reply
+    counts as a request without a reply, whatever its language."""
     written = [line.rstrip() for line in lines if line.strip()]
     found = [(i, match) for i, line in enumerate(written) if (match := _WINDOWS.search(line))]
     return [Echo(float(i), _ms(match[1], match[2])) for i, match in found]

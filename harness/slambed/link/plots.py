@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Pictures of a profile and of what a link made of it."""
+"""Plots of a profile and of a measured link."""
 
 from collections.abc import Mapping
 from pathlib import Path
@@ -17,16 +17,16 @@ ASKED, APPLIED, MEASURED, TCP = "#555555", "#D55E00", "#0072B2", "#009E73"
 SIZE_IN = (8.0, 3.2)
 DPI = 150
 LINKS_DPI = 80
-"""Of pictures with thousands of points: files stay small."""
+"""Lower resolution for plots with thousands of points, so that files stay small."""
 DEFAULT_SPAN_S = 30.0
-"""Shown of a profile that has settled from the start."""
+"""Plotted range of a constant profile."""
 POINTS = 4000
 COLUMNS = 2
 ERROR_SPAN_MS = 1.0
 
 
 def span_s(profile: Profile) -> float:
-    """How much of a profile is worth showing."""
+    """Returns the length of the profile to plot."""
     end = profile.duration
     if end is None:
         end = 120.0
@@ -34,7 +34,7 @@ def span_s(profile: Profile) -> float:
 
 
 def plot_profile(profile: Profile, path: Path, until_s: float | None = None) -> None:
-    """RTT and both one-way delays over run time; recorded rates below, where there are any."""
+    """Plots RTT and one-way delays over run time, and rates below if a rate is a trace."""
     end = until_s or span_s(profile)
     t = np.linspace(0.0, end, POINTS)
     traces = [side.rate.trace for side in (profile.up, profile.down) if side.rate]
@@ -76,9 +76,9 @@ def _plot_rates(axes: Axes, profile: Profile, end_s: float) -> None:
 
 
 def plot_links(links: Mapping[str, pd.DataFrame], path: Path) -> None:
-    """Asked, applied and measured RTT of links side by side, two a row, errors below.
+    """Plots commanded, applied and measured RTT of links, two per row, with errors below.
 
-    Each frame is a link log (t_s, series, value); a series `tcp_rtt_ms` is drawn if there is one.
+    Each frame is a link log (t_s, series, value); the series `tcp_rtt_ms` is optional.
     """
     columns = min(len(links), COLUMNS)
     blocks = -(-len(links) // columns)

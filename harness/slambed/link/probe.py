@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""An independent proof of the RTT: ICMP echo with the kernel's own time stamps.
+"""Independent RTT measurement for the link proof: ICMP echo with kernel timestamps.
 
-The kernel of the mobile namespace stamps the request before any queue of the device and the reply
-when it arrives; the kernel of the edge namespace answers. No program of ours is inside the measured
-time, so a busy harness cannot falsify it.
+The mobile node's kernel stamps the request before any device queue and the reply on arrival; the
+edge's kernel answers. No user-space program is inside the measured interval, so load on the harness
+cannot distort it.
 """
 
 import contextlib
@@ -26,7 +26,7 @@ from slambed.process.namespaces import inside
 SO_TIMESTAMPING = 37
 RX_SOFTWARE, REPORT_SOFTWARE, TX_SCHED = 1 << 3, 1 << 4, 1 << 8
 OPT_ID, OPT_TSONLY = 1 << 7, 1 << 11
-# TX_SCHED: before the queueing discipline. The plain software stamp is taken behind it, where
+# TX_SCHED stamps before the queueing discipline. The plain software stamp comes after it, when
 # netem has already delayed the packet.
 STAMP_FLAGS = TX_SCHED | RX_SOFTWARE | REPORT_SOFTWARE | OPT_ID | OPT_TSONLY
 MSG_ERRQUEUE, IP_RECVERR = 0x2000, 11
@@ -36,23 +36,23 @@ _EXTENDED_ERROR = struct.Struct("@IBBBBII")
 ECHO_REQUEST, ECHO_REPLY = 8, 0
 HEADER = struct.Struct("!BBHHH")
 PAYLOAD = bytes(48)
-"""With headers 76 bytes: small enough not to matter at any rate."""
+"""76 bytes with headers: negligible at any rate."""
 ANCILLARY_BYTES = 512
 LARGEST_SEQUENCE = 65_535
 OFFSET_TRIES = 3
 CLOCK_SET_NS = 1_000_000
-"""A clock that is only disciplined (0.5 ms in a second) moves less while an echo travels."""
+"""Clock slewing (0.5 ms per second) moves the offset by less than this during an echo."""
 
 
 @dataclass(frozen=True)
 class Echoes:
-    """Echo requests and what came of them, in order of sending."""
+    """Echo requests and their RTTs, in order of sending."""
 
     sequence: NDArray[np.int64]
     sent_ns: NDArray[np.int64]
     """CLOCK_MONOTONIC."""
     rtt_ms: NDArray[np.float64]
-    """NaN for an echo that never came back."""
+    """NaN for a lost echo."""
 
     def __len__(self) -> int:
         return len(self.sent_ns)
@@ -73,7 +73,7 @@ class Pinger:
         self._next = 0
 
     def send(self) -> None:
-        """One echo request."""
+        """Sends one echo request."""
         sequence = self._next % LARGEST_SEQUENCE + 1
         header = HEADER.pack(ECHO_REQUEST, 0, 0, self._identifier, sequence)
         check = _checksum(header + PAYLOAD)
@@ -81,12 +81,12 @@ class Pinger:
         self._user_sent[self._next] = time.clock_gettime_ns(time.CLOCK_REALTIME)
         self._offset_sent[self._next] = to_monotonic_ns()
         self._next += 1
-        # A full queue or a device that went away: the echo counts as lost.
+        # A full queue or a missing device: the echo counts as lost.
         with contextlib.suppress(OSError):
             self._socket.sendto(packet, (self._target, 0))
 
     def collect(self, until_s: float) -> None:
-        """Takes answers and time stamps until this time (time.monotonic)."""
+        """Receives replies and timestamps until this time (time.monotonic)."""
         poller = select.poll()
         poller.register(self._socket, select.POLLIN | select.POLLERR)
         while (left := until_s - time.monotonic()) > 0:
@@ -113,14 +113,14 @@ class Pinger:
         kind, _, _, identifier, sequence = HEADER.unpack_from(packet, start)
         if kind != ECHO_REPLY or identifier != self._identifier or not stamp:
             return
-        # The newest request with this 16-bit number; numbers repeat after 65,535 echoes.
+        # The most recent request with this 16-bit number; numbers repeat after 65,535 echoes.
         number = (self._next - 1) - (self._next - sequence) % LARGEST_SEQUENCE
         if number not in self._received:
             self._received[number] = stamp
             self._offset_received[number] = to_monotonic_ns()
 
     def echoes(self) -> Echoes:
-        """Everything so far."""
+        """Returns all echoes so far."""
         numbers = list(range(self._next))
         sent = [self._kernel_sent.get(n, self._user_sent[n]) for n in numbers]
         rtt = [
@@ -137,7 +137,7 @@ class Pinger:
         )
 
     def _set_meanwhile_ns(self, number: int) -> int:
-        """By how much somebody set the clock while an echo was under way."""
+        """Returns the clock step of CLOCK_REALTIME while an echo was in flight."""
         by_ns = self._offset_received[number] - self._offset_sent[number]
         return by_ns if abs(by_ns) > CLOCK_SET_NS else 0
 
@@ -147,8 +147,8 @@ class Pinger:
 
 
 def to_monotonic_ns() -> int:
-    """CLOCK_MONOTONIC - CLOCK_REALTIME now: another one once the clock is set. Of a few tries
-    that with the least time in it, because the host may stop us between two clocks."""
+    """Returns CLOCK_MONOTONIC - CLOCK_REALTIME, which changes when the clock is set. Takes the
+    fastest of a few tries because the process may be preempted between two readings."""
     tries = []
     for _ in range(OFFSET_TRIES):
         before = time.clock_gettime_ns(time.CLOCK_MONOTONIC)
@@ -168,7 +168,8 @@ def _open_socket() -> socket.socket:
 
 
 def software_stamp(ancillary: list[tuple[int, int, bytes]]) -> int:
-    """The kernel's time stamp in a message's ancillary data [ns, CLOCK_REALTIME]; 0 if none."""
+    """Returns the kernel timestamp of a message's ancillary data [ns, CLOCK_REALTIME]; 0 if
+    none."""
     for level, kind, data in ancillary:
         if level == socket.SOL_SOCKET and kind == SO_TIMESTAMPING:
             seconds, nanoseconds = _TIMESPEC.unpack_from(data)
@@ -177,7 +178,7 @@ def software_stamp(ancillary: list[tuple[int, int, bytes]]) -> int:
 
 
 def sent_stamp(ancillary: list[tuple[int, int, bytes]]) -> tuple[int, int]:
-    """From the error queue: which packet of the socket left, and when."""
+    """Returns packet number and send time from the error queue."""
     number = 0
     for level, kind, data in ancillary:
         if level == socket.SOL_IP and kind == IP_RECVERR:
@@ -192,7 +193,7 @@ def _checksum(packet: bytes) -> int:
 
 
 class Probe:
-    """Echoes at a steady rate from a thread of its own, from `start` to `stop`."""
+    """Sends echoes at a constant rate from a thread, from `start` to `stop`."""
 
     def __init__(self, namespace: str | Path, target: str, rate_hz: float = 20.0) -> None:
         self._pinger = Pinger(namespace, target)
@@ -201,11 +202,11 @@ class Probe:
         self._thread = threading.Thread(target=self._run, name="rtt-probe", daemon=True)
 
     def start(self) -> None:
-        """Begins to send."""
+        """Starts sending."""
         self._thread.start()
 
     def stop(self, wait_s: float) -> Echoes:
-        """Ends sending, waits for answers under way, returns everything."""
+        """Stops sending, waits for outstanding replies and returns all echoes."""
         self._stopped.set()
         if self._thread.is_alive():
             self._thread.join()
@@ -218,7 +219,7 @@ class Probe:
         due = time.monotonic()
         while not self._stopped.is_set():
             self._pinger.send()
-            # After a stall of the host the missed echoes are left out, not sent in a burst.
+            # After a stall of the host the missed echoes are skipped instead of sent in a burst.
             due = max(due + self._interval_s, time.monotonic())
             self._pinger.collect(due)
 
@@ -226,7 +227,7 @@ class Probe:
 def measure_base_ms(
     namespace: str | Path, target: str, count: int = 20, interval_s: float = 0.02
 ) -> float:
-    """Median RTT of the path as it is now; NaN when nothing came back."""
+    """Returns the current median RTT of the path; NaN without any reply."""
     pinger = Pinger(namespace, target)
     try:
         for _ in range(count):

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Link profiles: round trip time, jitter, loss and rate as pure functions of run time.
+"""Link profiles: RTT, jitter, loss and rate as pure functions of run time.
 
-netem_profiles/*.yaml hold them by name; docs/link.md describes every key. A value is a round trip
-time; half of it is applied per direction unless `up_share` or `one_way_ms` says otherwise.
+netem_profiles/*.yaml contain named profiles; docs/explanation/link.md describes every key. A value
+is an RTT; half of it is applied per direction unless `up_share` or `one_way_ms` is given.
 """
 
 import math
@@ -23,10 +23,10 @@ from slambed.native import repository_root
 from slambed.suggestion import suggestion
 
 LONGEST_MS = 60_000.0
-"""One way; a longer delay is a mistake of unit."""
+"""Maximum one-way delay; a longer one indicates a wrong unit."""
 CHECK_STEP_S = 0.01
 CHECK_FOREVER_S = 900.0
-"""How far a profile that never settles is checked for negative values."""
+"""Range in which a profile that never settles is checked for negative values."""
 
 KEYS = [
     "name", "description", "source", "params", "duration_s", "rtt_ms", "one_way_ms", "up_share",
@@ -36,14 +36,15 @@ KEYS = [
 
 @dataclass(frozen=True)
 class Profile:
-    """A checked profile. Run time 0 is the first played frame; before it the value at 0 holds."""
+    """A checked profile. Run time 0 is the first played frame; the value at 0 also holds before
+    it."""
 
     name: str
     description: str
     source: str
-    """Where its numbers come from."""
+    """Source of its numbers."""
     duration: float | None
-    """Seconds after which nothing changes; None when it goes on for ever."""
+    """Seconds after which the profile is constant; None if it never settles."""
     up_curve: Curve
     down_curve: Curve
     up_share: float
@@ -53,34 +54,34 @@ class Profile:
     gaps: tuple[Gap, ...] = ()
     gap_mode: Literal["hold", "drop"] = "hold"
     rate_traces: Mapping[str, list[int]] = field(default_factory=dict)
-    """Mahimahi opportunities by file name."""
+    """File name -> delivery opportunities of the Mahimahi trace in ms."""
     content: Mapping[str, Any] = field(default_factory=dict)
-    """What `parse_profile` needs to make it again; digests of traces included."""
+    """Input with which `parse_profile` recreates the profile; includes digests of traces."""
 
     def up_ms(self, t: Times) -> Times:
-        """One-way delay mobile to edge at run times `t` [s]."""
+        """Returns the one-way delay mobile to edge at run times `t` [s]."""
         return self.up_share * self.up_curve.at(np.asarray(t, dtype=float))
 
     def down_ms(self, t: Times) -> Times:
-        """One-way delay edge to mobile."""
+        """Returns the one-way delay edge to mobile."""
         return self.down_share * self.down_curve.at(np.asarray(t, dtype=float))
 
     def rtt_series_ms(self, t: Times) -> Times:
-        """RTT at many times."""
+        """Returns the RTT at run times `t` [s]."""
         return self.up_ms(t) + self.down_ms(t)
 
     def rtt_ms(self, t: float) -> float:
-        """RTT at run time `t` [s], without jitter, queueing and the path's own base."""
+        """Returns the RTT at run time `t` [s], without jitter, queueing and the path's base RTT."""
         return float(self.rtt_series_ms(np.array([t]))[0])
 
     def delays_ms(self, t: float) -> tuple[float, float]:
-        """One-way delays (up, down) at run time `t` [s]."""
+        """Returns the one-way delays (up, down) at run time `t` [s]."""
         at = np.array([t])
         return float(self.up_ms(at)[0]), float(self.down_ms(at)[0])
 
     @property
     def needs_seed(self) -> bool:
-        """True when chance plays a part: only the relay repeats it."""
+        """True for random impairments, which only the relay can reproduce."""
         return any(side.jitter or side.loss for side in (self.up, self.down))
 
     @property
@@ -91,17 +92,17 @@ class Profile:
 
 
 def profiles_folder() -> Path:
-    """netem_profiles/ of the checkout."""
+    """Returns netem_profiles/ of the checkout."""
     return repository_root() / "netem_profiles"
 
 
 def profile_names() -> list[str]:
-    """Every profile that has a file."""
+    """Returns the names of all profile files."""
     return sorted(path.stem for path in profiles_folder().glob("*.yaml"))
 
 
 def load_profile(name_or_path: str | Path, params: Mapping[str, float] | None = None) -> Profile:
-    """A profile by name (`ramp_85`) or by path (anything that ends in .yaml)."""
+    """Loads a profile by name (`ramp_85`) or by path (ends in .yaml or .yml)."""
     text = str(name_or_path)
     named = not text.endswith((".yaml", ".yml"))
     path = profiles_folder() / f"{text}.yaml" if named else Path(text)
@@ -118,10 +119,10 @@ def load_profile(name_or_path: str | Path, params: Mapping[str, float] | None = 
 
 
 def parse_profile(mapping: str | float | Mapping[str, Any], where: str) -> Profile:
-    """A profile as an experiment refers to it.
+    """Parses a profile as written in an experiment.
 
-    A name, a number (constant RTT), `{profile: ramp, params: {peak_ms: 50}, name: mild}`, or a
-    whole profile written in place. `where` names the place in errors.
+    It is a name, a number (constant RTT), `{profile: ramp, params: {peak_ms: 50}, name: mild}`, or
+    a whole inline profile. `where` names the place in errors.
     """
     reader = ProfileReader(where)
     if isinstance(mapping, str):
@@ -231,7 +232,8 @@ def _curves(data: Mapping[str, Any], reader: ProfileReader) -> tuple[Curve, Curv
 
 
 def _side(data: Mapping[str, Any], side: str, reader: ProfileReader) -> Side:
-    """Impairments of one direction: those for both, overridden by its own (null = none)."""
+    """Returns the impairments of one direction: those for both, overridden by its own (null =
+    none)."""
     kinds: dict[str, type[Jitter] | type[PacketLoss] | type[Bandwidth]]
     kinds = {"jitter": Jitter, "loss": PacketLoss, "rate": Bandwidth}
     own = reader.only(data.get(side) or {}, list(kinds), side)

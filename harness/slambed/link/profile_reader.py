@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""From plain YAML values to curves and impairments, each complaint one line with its place."""
+"""Converts plain YAML values to curves and impairments; each complaint is one line with its
+place."""
 
 import math
 from collections.abc import Mapping
@@ -26,12 +27,11 @@ class ProfileReader:
         self.near = near
 
     def complaint(self, what: str, place: str = "", advice: str = "") -> SlambedError:
-        """`what, where; advice`."""
         spot = f"{self.where} at {place}" if place else self.where
         return SlambedError(f"{what}, {spot}" + (f"; {advice}" if advice else ""))
 
     def only(self, data: Any, known: list[str], place: str) -> dict[str, Any]:
-        """`data` as a mapping that has known keys alone."""
+        """Returns `data` as a dict; raises a complaint about unknown keys."""
         if not isinstance(data, Mapping):
             raise self.complaint(f"expected a mapping of keys, not {in_words(data)}", place)
         for key in data:
@@ -40,7 +40,7 @@ class ProfileReader:
         return dict(data)
 
     def model(self, model: type[Model], data: Any, place: str) -> Model:
-        """`data` checked against a pydantic model."""
+        """Returns `data` validated against a pydantic model."""
         try:
             return model.model_validate(self.only(data, list(model.model_fields), place))
         except ValidationError as error:
@@ -55,7 +55,7 @@ class ProfileReader:
             raise self.complaint(mistake(same), path) from None
 
     def curve(self, data: Any, place: str) -> Curve:
-        """A curve from a number or a mapping with one key."""
+        """Returns a curve from a number or a mapping with one key."""
         if isinstance(data, bool | str):
             raise self.complaint(f"expected a number or a curve, not {in_words(data)}", place)
         if isinstance(data, int | float):
@@ -109,7 +109,8 @@ class ProfileReader:
         return wrapped
 
     def pin_traces(self, data: Any) -> Any:
-        """`data` with the digest of every trace file written in, so that it says what it means."""
+        """Returns `data` with the digest of every trace file added, so that it identifies its
+        content."""
         if isinstance(data, list):
             return [self.pin_traces(item) for item in data]
         if not isinstance(data, Mapping):
@@ -126,7 +127,7 @@ _KNOWN = f"known: {', '.join(sorted(curves.KINDS))}"
 
 
 def substitute(data: Any, params: Mapping[str, float], reader: ProfileReader, place: str) -> Any:
-    """Replaces every text '$name' by the parameter's number."""
+    """Replaces every string '$name' by the value of that parameter."""
     if isinstance(data, Mapping):
         return {
             key: substitute(value, params, reader, f"{place}.{key}") for key, value in data.items()

@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Asked against applied against measured RTT, and one verdict.
+"""Compares commanded, applied and measured RTT, and decides whether the link is valid.
 
-An echo sent at run time t should take up(t') + down(t''), with t' = t + what it waited for the rate
-on its way up and t'' likewise on its way down, plus the path's base: its RTT measured on the same
-link, before the run, while the link adds nothing. The error is measured - asked - base; echoes
-whose way touches an outage (gap) and lost ones are left out of the error and counted apart.
+An echo sent at run time t should take up(t') + down(t''), where t' = t + the queueing delay on the
+way up and t'' likewise on the way down. The path's base is added: its RTT measured on the same link
+before the run, without added delay. The error is measured - commanded - base. Lost echoes and
+echoes that meet an outage (gap) are excluded from the error and counted separately.
 """
 
 import math
@@ -24,68 +24,70 @@ Measured = Annotated[
     BeforeValidator(lambda value: math.nan if value is None else value),
     PlainSerializer(lambda value: value if math.isfinite(value) else None),
 ]
-"""A number that could not be measured is NaN here, and null in a file."""
+"""A value that could not be measured is NaN here and null in a file."""
 
 
 @dataclass(frozen=True)
 class LinkTolerance:
-    """When a link counts as the one that was asked for."""
+    """Tolerances within which a link counts as valid."""
 
     median_ms: float = 1.0
-    """Of |error|."""
+    """Median of |error|."""
     p99_ms: float | None = None
     answered_share_min: float = 0.8
-    """Echoes with an answer, of those due by the probe's rate (asked losses allowed for)."""
+    """Minimum share of echoes with a reply, relative to the probe's rate; the profile's losses
+    are deducted."""
 
 
 @dataclass(frozen=True)
 class LinkProof:
-    """How well the link did what was asked."""
+    """How accurately the link followed its profile."""
 
     valid: bool
-    """Whether it is within the tolerances."""
+    """Whether the link is within the tolerances."""
     reason: str
-    """Why not valid, in one line; empty when it is."""
+    """Why the link is not valid, in one line; empty when it is."""
     echoes: int
-    """That count: sent during the run, early enough to come back."""
+    """Number of evaluated echoes: sent during the run, early enough to return."""
     answered_share: float
-    """Of those due by the probe's rate."""
+    """Share of echoes with a reply, relative to the probe's rate."""
     base_ms: float
-    """RTT of the path before anything was added to it."""
+    """RTT of the path before any delay was added."""
     asked_ms_mean: Measured
-    """Of the profile, where it was measured."""
+    """Mean RTT of the profile at the measured times."""
     measured_ms_mean: Measured
-    """Base included."""
+    """Mean measured RTT, including the base."""
     error_ms_median: Measured
-    """Of |measured - asked - base|."""
+    """Median of |measured - commanded - base|."""
     error_ms_p99: Measured
-    """Its 99th percentile."""
+    """99th percentile of |measured - commanded - base|."""
     error_ms_max: Measured
-    """The largest one."""
+    """Maximum of |measured - commanded - base|."""
     bias_ms: Measured
-    """Median of measured - asked - base, with its sign."""
+    """Median of the signed error measured - commanded - base."""
     late_ms_median: float | None = None
-    """Applied against asked, all packets: time beyond due; null without a packet log."""
+    """Median delivery time beyond the due time, over all packets; null without a packet log."""
     late_ms_p99: float | None = None
-    """Its 99th percentile."""
+    """99th percentile of the same lateness."""
 
 
 @dataclass(frozen=True)
 class ExtraDelays:
-    """What the model added to the profile's delay of each echo (rate, jitter, gaps), one way each
-    [ms]; zeros where unknown."""
+    """Delay of each echo beyond the profile's (rate, jitter, gaps), per direction [ms]; zero if
+    unknown."""
 
     up_ms: Values
     down_ms: Values
 
     @staticmethod
     def none(count: int) -> "ExtraDelays":
-        """Nothing but the profile's delay."""
+        """Returns zeros."""
         return ExtraDelays(np.zeros(count), np.zeros(count))
 
 
 def expected_rtt_ms(profile: Profile, sent_s: Values, extra: ExtraDelays) -> Values:
-    """RTT of an echo sent at `sent_s` run time: each way at the time it really begins."""
+    """Returns the expected RTT of echoes sent at `sent_s`; each way uses the time at which it
+    begins."""
     leaves_up_s = sent_s + extra.up_ms / 1e3
     up_ms = profile.up_ms(leaves_up_s)
     turned_s = leaves_up_s + up_ms / 1e3
@@ -95,7 +97,7 @@ def expected_rtt_ms(profile: Profile, sent_s: Values, extra: ExtraDelays) -> Val
 
 
 def touches_gap(profile: Profile, sent_s: Values, rtt_ms: Values) -> NDArray[np.bool_]:
-    """Echoes under way during a gap (or that would have been)."""
+    """Returns which echoes were in flight during a gap (or would have been)."""
     touched = np.zeros(len(sent_s), dtype=bool)
     if not profile.gaps or not len(sent_s):
         return touched
@@ -107,36 +109,37 @@ def touches_gap(profile: Profile, sent_s: Values, rtt_ms: Values) -> NDArray[np.
 
 
 def dropping_s(profile: Profile, end_s: float) -> float:
-    """How long nothing could come back because a gap drops what is under way."""
+    """Returns the total time in which echoes could not return because gaps drop packets in
+    flight."""
     if profile.gap_mode != "drop":
         return 0.0
     total_s = 0.0
     for gap in profile.gaps:
         for start, end in gap.within(end_s):
-            # What was sent a round trip before meets the gap too.
+            # Packets sent up to one RTT before the gap are also dropped.
             total_s += min(end, end_s) - max(0.0, start - profile.rtt_ms(start) / 1e3)
     return total_s
 
 
 @dataclass(frozen=True)
 class Comparison:
-    """Echoes of one run against what was asked."""
+    """Echoes of one run compared with the profile."""
 
     sent_s: Values
-    """Run time of every echo that counts."""
+    """Run times of the evaluated echoes."""
     measured_ms: Values
-    """NaN for an unanswered echo."""
+    """NaN for a lost echo."""
     asked_ms: Values
     usable: NDArray[np.bool_]
-    """Answered and not under way during a gap."""
+    """Echoes with a reply that were not in flight during a gap."""
     error_ms: Values
-    """measured - asked - base of the usable ones."""
+    """measured - commanded - base of the usable echoes."""
 
 
 def compare(
     profile: Profile, echoes: Echoes, t0_ns: int, end_ns: int, base_ms: float, extra: ExtraDelays
 ) -> Comparison:
-    """Every echo sent from t0 on that could come back before the end."""
+    """Evaluates every echo sent after t0 that could return before the end."""
     sent_s = (echoes.sent_ns - t0_ns) / 1e9
     during = (sent_s >= 0) & (sent_s <= last_chance_s(echoes, t0_ns, end_ns))
     sent_s, measured = sent_s[during], echoes.rtt_ms[during]
@@ -148,7 +151,7 @@ def compare(
 
 
 def last_chance_s(echoes: Echoes, t0_ns: int, end_ns: int) -> float:
-    """An echo sent later had no chance to come back before the end."""
+    """Returns the run time after which an echo could not return before the end."""
     longest_ms = float(np.nanmax(echoes.rtt_ms, initial=0.0))
     return (end_ns - t0_ns) / 1e9 - longest_ms / 1e3
 
@@ -165,7 +168,7 @@ def judge(
     late_ms: Values | None = None,
     died: str | None = None,
 ) -> LinkProof:
-    """The verdict over the echoes sent from t0 to the end."""
+    """Returns the verdict over the echoes sent from t0 to the end."""
     extra = extra or ExtraDelays.none(len(echoes))
     seen = compare(profile, echoes, t0_ns, end_ns, base_ms, extra)
     chance_s = last_chance_s(echoes, t0_ns, end_ns)

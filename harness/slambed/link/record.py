@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a link leaves behind: its log and its proof."""
+"""The results of a link: its log and its proof."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -16,29 +16,29 @@ SERIES = [
     "drops_up", "drops_down", "queue_bytes_up", "queue_bytes_down",
     "lost_up", "lost_down",
 ]  # fmt: skip
-"""Series of link.parquet (docs/formats.md, "Link log")."""
+"""Series of link.parquet (docs/reference/samples.md)."""
 ASKED_STEP_S = 0.1
 
 
 @dataclass(frozen=True)
 class LinkRecord:
-    """The link of one run, after its end."""
+    """The results of a link after the run."""
 
     backend: str
     frame: pd.DataFrame
     """t_s, series, value: the content of link.parquet."""
     drops: dict[str, int]
-    """Packets dropped `up` and `down`, on purpose or not."""
+    """Packets dropped `up` and `down`, intended or not."""
     proof: LinkProof
-    """Asked against applied against measured, with a verdict."""
+    """Commanded, applied and measured RTT, with a verdict."""
     died: str | None = None
-    """Why the link went away before it was stopped; None when it did not."""
+    """Why the link failed before it was stopped; None when it did not."""
     details: LinkDetails = field(default_factory=LinkDetails)
-    """TCP settings, priority granted, counters of the backend."""
+    """TCP settings, granted priority and counters of the backend."""
 
     @property
     def facts(self) -> LinkFacts:
-        """What of it goes into the manifest."""
+        """Returns the facts for the manifest."""
         return LinkFacts(
             backend=self.backend,
             base_rtt_ms=self.details.base_ms,
@@ -53,7 +53,7 @@ class LinkRecord:
 def series_frame(
     series: Mapping[str, tuple[NDArray[np.float64], NDArray[np.float64]]],
 ) -> pd.DataFrame:
-    """The long table of link.parquet from (times, values) per series."""
+    """Returns the long table of link.parquet from (times, values) per series."""
     parts = [
         pd.DataFrame({"t_s": times, "series": name, "value": values})
         for name, (times, values) in series.items()

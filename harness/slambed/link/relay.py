@@ -37,37 +37,37 @@ from slambed.process.line_protocol import LineReader, Message, adapter, message_
 READY_TIMEOUT_S = 10.0
 STOP_TIMEOUT_S = 5.0
 FIFO_PRIORITY = 20
-"""Above ordinary work, below the kernel's own threads (50)."""
+"""Above ordinary processes, below the kernel's own threads (50)."""
 BIN_S = 0.05
 MATCH_NS = 2_000_000_000
-"""A record and an echo with one sequence number belong together only when this near in time."""
+"""Maximum time difference between a record and the echo with the same sequence number."""
 
 
 class RelayReady(Message):
-    """slambed-relay has made its devices; they add nothing yet."""
+    """slambed-relay has created its devices; no impairment is applied yet."""
 
     ready: Literal[True]
     """Always true."""
     pid: int
-    """Its own."""
+    """Process id of slambed-relay."""
     real_time: bool
     """Whether it got real-time priority."""
 
 
 class RelayApplied(Message):
-    """Its answer to `apply`: the profile's value at time 0 is in force."""
+    """Answer to `apply`: the profile's value at time 0 is in force."""
 
     applied: Literal[True]
     """Always true."""
 
 
 class RelayStarted(Message):
-    """Its answer to `start N`: run time 0 is N on CLOCK_MONOTONIC."""
+    """Answer to `start N`: run time 0 is N on CLOCK_MONOTONIC."""
 
     started: Literal[True]
     """Always true."""
     t0_ns: int
-    """As it was given."""
+    """N of the request."""
 
 
 A = TypeVar("A", bound=Message)
@@ -76,7 +76,7 @@ A = TypeVar("A", bound=Message)
 def relay_config(
     mobile: Path, edge: Path, profile: Profile, seed: int, log_dir: Path, options: LinkOptions
 ) -> RelayConfig:
-    """The configuration file of slambed-relay."""
+    """Returns the configuration of slambed-relay."""
     up_ms, down_ms = delay_table_ms(profile, options.horizon_s)
     return RelayConfig(
         format="slambed-link",
@@ -108,7 +108,7 @@ class RelayShaper:
         self, mobile: Path, edge: Path, profile: Profile, seed: int, log_dir: Path, o: LinkOptions
     ) -> None:
         program = find_program("slambed-relay")
-        # Absolute, because that is how the program must find them from wherever it runs.
+        # Absolute, so that the program finds the files from any working directory.
         self._log_dir = log_dir.resolve()
         self._log_dir.mkdir(parents=True, exist_ok=True)
         config = self._log_dir / "relay.json"
@@ -133,22 +133,22 @@ class RelayShaper:
             raise
 
     def apply(self) -> None:
-        """From adding nothing to the profile's value at time 0."""
+        """Applies the profile's value at time 0."""
         self._command("apply")
         self._answer(RelayApplied, "applied")
 
     def start(self, t0_ns: int) -> None:
-        """Run time 0 is `t0_ns` on CLOCK_MONOTONIC."""
+        """Sets run time 0 to `t0_ns` on CLOCK_MONOTONIC."""
         self._command(f"start {t0_ns}")
         self._answer(RelayStarted, "started")
 
     def died(self) -> str | None:
-        """The program's last words; None while it works."""
+        """Returns the program's last error line once it has ended; None while it runs."""
         code = self._process.poll()
         return None if code is None else self._last_words(code)
 
     def stop(self, t0_ns: int) -> ShaperReport:
-        """Ends the program and reads its log. A log that could not be written is an error."""
+        """Ends the program and reads its log. Raises if the program could not write its log."""
         worked = self.died() is None
         self._end()
         if worked and self._process.returncode == ExitCode.ENVIRONMENT:
@@ -184,7 +184,7 @@ class RelayShaper:
                 self._process.wait()
         for stream in (self._process.stdin, self._process.stdout):
             if stream is not None:
-                # A command still in the buffer of a program that has gone.
+                # Closing flushes a pending command, which fails if the program has ended.
                 with contextlib.suppress(OSError):
                     stream.close()
 
@@ -225,7 +225,7 @@ class RelayShaper:
 
 
 def _series(packets: pd.DataFrame, t0_ns: int) -> Series:
-    """The packet log in bins: median delay, largest queue, drops so far."""
+    """Bins the packet log: median delay, maximum queue, cumulative drops."""
     series: dict[str, tuple[NDArray[np.float64], NDArray[np.float64]]] = {}
     for number, side in enumerate(SIDES):
         own = packets[packets["direction"] == number]
@@ -252,13 +252,13 @@ def _dropped(packets: pd.DataFrame, direction: int) -> int:
 
 
 def _carried(packets: pd.DataFrame, direction: int) -> int:
-    """Bytes of the nodes' own packets that arrived, IP headers and acknowledgments included."""
+    """Returns the bytes of the nodes' own delivered packets, including IP headers and ACKs."""
     arrived = delivered(packets, direction)
     return int(arrived.loc[arrived["protocol"] != ICMP, "bytes"].sum())
 
 
 def extra_delays_of(packets: pd.DataFrame, echoes: Echoes) -> ExtraDelays:
-    """What the relay added to the profile's delay of each echo: for the rate, jitter, a gap."""
+    """Returns the relay's delay beyond the profile for each echo: rate, jitter and gaps."""
     pings = packets[(packets["protocol"] == ICMP) & (packets["fate"] == 0)]
     ways = []
     for direction in range(len(SIDES)):

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A property of the path: TCP acknowledges every segment at once.
+"""Route attribute that makes TCP acknowledge every segment immediately.
 
-A delayed acknowledgment adds up to 40 ms to tcpi_rtt, as much as DynNetSLAM's offloading limit,
-whenever the receiving process is not quick enough to ask for quick ones (TCP_QUICKACK is not
-sticky). As a metric of the route it holds for every connection, whatever the programs do.
+A delayed ACK adds up to 40 ms to tcpi_rtt, as much as DynNetSLAM's offloading limit, if the
+receiving process does not set TCP_QUICKACK in time (the option is not sticky). As a metric of the
+route it applies to every connection, whatever the programs do.
 """
 
 from pathlib import Path
@@ -18,7 +18,7 @@ SCOPE_LINK, PROTOCOL_KERNEL = 253, 2
 
 
 def acknowledge_at_once(namespace: Path, device: str, network: str, address: str) -> None:
-    """Sets the metric on the route to the other end."""
+    """Sets the quickack metric on the route to the peer."""
 
     def work(netlink: Any) -> None:
         (index,) = netlink.link_lookup(ifname=device)

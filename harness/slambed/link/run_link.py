@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""An open link for a live run, which leaves its log and its record with it."""
+"""The link of a live run, which writes its log to the run folder."""
 
 from pathlib import Path
 
@@ -12,22 +12,22 @@ from slambed.spec.run_spec import RunSpec
 
 
 class RunLink:
-    """An open link that leaves its log in the run folder and its record in the manifest."""
+    """An open link that writes its log to the run folder and returns its facts for the manifest."""
 
     def __init__(self, session: LinkSession, log_dir: Path) -> None:
         self._session = session
         self._log_dir = log_dir
 
     def start(self, t0_ns: int) -> None:
-        """Run time 0 on CLOCK_MONOTONIC."""
+        """Sets run time 0 on CLOCK_MONOTONIC."""
         self._session.start(t0_ns)
 
     def alive(self) -> bool:
-        """False once the link went away by itself."""
+        """Returns False once the link has failed."""
         return self._session.alive()
 
     def stop(self) -> LinkFacts:
-        """Takes the link down; what it says goes into the manifest."""
+        """Takes the link down, writes its log and returns its facts for the manifest."""
         record = self._session.stop()
         record.frame.to_parquet(self._log_dir / "link.parquet")
         return record.facts
@@ -40,7 +40,7 @@ class RunLink:
 def open_for_run(
     spec: RunSpec, mobile_ns: Path, edge_ns: Path, log_dir: Path, longest_s: float
 ) -> RunLink:
-    """Joins the two namespaces by the link that the run asks for."""
+    """Connects the two namespaces with the run's link."""
     assert spec.link is not None
     tolerance = LinkTolerance(
         median_ms=spec.tolerances.rtt_error_ms_median, p99_ms=spec.tolerances.rtt_error_ms_p99

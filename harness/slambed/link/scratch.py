@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Two network namespaces that exist while this process holds them: for tests and benches."""
+"""Two temporary network namespaces of this process, for tests and benchmarks."""
 
 import contextlib
 import ctypes
@@ -13,7 +13,7 @@ from slambed.process.namespaces import CLONE_NEWNET
 
 
 def _new_namespace() -> int:
-    """A descriptor of a fresh namespace; it vanishes when the descriptor is closed."""
+    """Returns a descriptor of a new namespace, which vanishes when the descriptor is closed."""
     found: list[int] = []
     failure: list[str] = []
 
@@ -34,7 +34,7 @@ def _new_namespace() -> int:
 
 @contextlib.contextmanager
 def two_namespaces() -> Iterator[tuple[Path, Path]]:
-    """Paths (mobile, edge) that other programs can open too, while the block lasts."""
+    """Yields the paths (mobile, edge), which other programs can also open inside the block."""
     held: list[int] = []
     try:
         held = [_new_namespace(), _new_namespace()]

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The life of a link: up, base measured, profile applied, started, proved, gone."""
+"""The lifecycle of a link: set up, base measured, profile applied, started, proved, removed."""
 
 import time
 from collections.abc import Callable, Mapping
@@ -26,67 +26,67 @@ NETWORK = "10.77.0.0/30"
 DEVICE = "slam0"
 """Name of the device in both namespaces."""
 DYING_S = 1.0
-"""Longer than a killed process takes to be gone, on a busy host too."""
+"""Longer than a killed process takes to disappear, even on a busy host."""
 
 Series = Mapping[str, tuple[NDArray[np.float64], NDArray[np.float64]]]
 
 
 @dataclass(frozen=True)
 class LinkOptions:
-    """Settings that do not change what the link means."""
+    """Settings that do not change the meaning of the link."""
 
     horizon_s: float = 900.0
-    """How long the run may last; a profile that never settles stands still afterwards."""
+    """Maximum duration of the run; a profile that never settles is frozen afterwards."""
     probe_hz: float = 20.0
-    """Echoes of the proof; 0 = none (then nothing is proved)."""
+    """Rate of the proof's echoes; 0 disables the proof."""
     mtu: int = 1500
     tx_queue_packets: int = 10_000
-    """Per device; a default of 500 or 1000 drops silently when a window is sent at once."""
+    """Per device; the usual 500 or 1000 drops packets silently when a whole window is sent at
+    once."""
     real_time: bool = True
-    """Ask for SCHED_FIFO; without the permission the relay goes on without it."""
+    """Requests SCHED_FIFO; without permission the relay runs without it."""
     spin_us: float = 60.0
-    """Relay: how long before a packet is due it wakes and polls."""
+    """Relay: how long before a packet is due it wakes up and starts polling."""
     tolerance: LinkTolerance = field(default_factory=LinkTolerance)
 
 
 @dataclass(frozen=True)
 class ShaperReport:
-    """What a backend reports after its end."""
+    """Final report of a backend."""
 
     series: Series
     """applied_*, drops_*, queue_bytes_* over run time."""
     drops: dict[str, int]
     extra_delays_of: Callable[[Echoes], ExtraDelays]
-    """What the model added to the profile's delay of each echo, where the backend knows it."""
+    """Returns the backend's delay beyond the profile for each echo, if known."""
     late_ms: NDArray[np.float64] | None
     details: LinkDetails
 
 
 class Shaper(Protocol):
-    """A backend: devices in both namespaces and what happens to packets between them: delay, rate,
-    loss."""
+    """A backend: devices in both namespaces, and delay, rate and loss of packets between them."""
 
     name: str
 
     def apply(self) -> None:
-        """From adding nothing to the profile's value at time 0."""
+        """Applies the profile's value at time 0."""
 
     def start(self, t0_ns: int) -> None:
-        """Run time 0 is `t0_ns` on CLOCK_MONOTONIC."""
+        """Sets run time 0 to `t0_ns` on CLOCK_MONOTONIC."""
 
     def died(self) -> str | None:
-        """Why the link is gone; None while it works."""
+        """Returns why the link failed; None while it works."""
 
     def stop(self, t0_ns: int) -> ShaperReport:
-        """Removes everything; reports on the run that began at t0."""
+        """Removes all devices and processes; reports on the run that began at t0."""
 
     def abort(self) -> None:
-        """Removes everything; never raises."""
+        """Removes all devices and processes; never raises."""
 
 
 def _dies(shaper: Shaper) -> str | None:
-    """Why the link is going; None if it stays. A relay that is killed takes its devices along
-    before its parent hears of its end."""
+    """Returns why the link is failing; None if it works. A killed relay removes its devices
+    before its parent learns of its end, so this waits."""
     deadline = time.monotonic() + DYING_S
     while (died := shaper.died()) is None and time.monotonic() < deadline:
         time.sleep(0.01)
@@ -94,7 +94,7 @@ def _dies(shaper: Shaper) -> str | None:
 
 
 class LinkSession:
-    """An open link. A context manager; leaves no device, process or address behind."""
+    """An open link, as a context manager; leaves no device, process or address behind."""
 
     def __init__(
         self,
@@ -134,12 +134,12 @@ class LinkSession:
             died = None if is_explained else _dies(self._shaper)
             self.close()
             if died is not None:
-                # Whatever failed, failed for this.
+                # The failed link explains any other error of the setup.
                 raise PassingError(f"the link went away while it was set up: {died}") from error
             raise
 
     def start(self, t0_ns: int) -> None:
-        """Run time 0 of the profile, on CLOCK_MONOTONIC; may lie ahead."""
+        """Sets run time 0 of the profile on CLOCK_MONOTONIC; it may be in the future."""
         assert self._shaper is not None, "the link is closed"
         self._t0_ns = t0_ns
         self._shaper.start(t0_ns)
@@ -148,11 +148,11 @@ class LinkSession:
             self._probe.start()
 
     def alive(self) -> bool:
-        """False once the link went away by itself."""
+        """Returns False once the link has failed."""
         return self._shaper is not None and self._shaper.died() is None
 
     def stop(self) -> LinkRecord:
-        """Takes the link down and says what it did. Calling it again returns the same record."""
+        """Takes the link down and returns its record. Calling it again returns the same record."""
         if self._record is None:
             self._record = self._finish()
         return self._record
@@ -208,7 +208,7 @@ class LinkSession:
         return probe.stop(min(longest_s, 2.0) if wait else 0.0)
 
     def close(self) -> None:
-        """Removes everything without a report; harmless after `stop`."""
+        """Removes the link without a report; harmless after `stop`."""
         if self._probe is not None:
             self._probe.stop(0.0)
             self._probe = None

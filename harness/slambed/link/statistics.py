@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Loss and jitter of real packets against what the profile asked, in standard errors."""
+"""Loss and jitter statistics of real packets compared with the profile, in standard errors."""
 
 import math
 import tempfile
@@ -24,16 +24,16 @@ from slambed.link.traffic import one_way
 Values = NDArray[np.float64]
 
 BACKEND = "relay"
-"""Backend netem refuses loss and jitter: its own cannot be repeated."""
+"""Backend netem is excluded: its loss and jitter are not reproducible."""
 LOSS_HZ = 1000.0
 JITTER_HZ = 100.0
-"""So far apart that packets wait for a late one before them almost never."""
+"""Spacing at which packets almost never wait behind a late predecessor."""
 ONE_WAY_MS = 20.0
-"""On which jitter of both signs has room."""
+"""Large enough that negative jitter does not clip the delay at 0."""
 LIMIT = 3.0
-"""Standard errors; one seed in thirty has one of the eleven figures outside by chance."""
+"""In standard errors; by chance one seed in thirty has one of the eleven figures outside."""
 HELD_UP_MS = 1.0
-"""A packet that came this much later than the relay meant it to says something about the host."""
+"""A packet delivered this much later than the relay intended was delayed by the host."""
 MOST_HELD_UP = 0.02
 
 SHARE, TO_BAD, TO_GOOD = 0.02, 0.01, 0.25
@@ -53,7 +53,7 @@ class Figure:
 
     @property
     def sigmas(self) -> float:
-        """Distance from the asked value in standard errors."""
+        """Returns the distance from the commanded value in standard errors."""
         return (self.found - self.asked) / self.error
 
 
@@ -62,7 +62,7 @@ Judge = Callable[[Values], list[Figure]]
 
 @dataclass(frozen=True)
 class Case:
-    """An impairment, how many packets a second show it, and what they should show."""
+    """An impairment, its packet rate, and the check of its statistics."""
 
     name: str
     impairment: dict[str, Any]
@@ -72,40 +72,41 @@ class Case:
 
 @dataclass(frozen=True)
 class Found:
-    """A case after its packets."""
+    """Result of a case."""
 
     case: str
     packets: int
     held_up: int
-    """Left out of the figures of jitter, because the host was late with them."""
+    """Packets excluded from the jitter figures because the host delivered them late."""
     figures: list[Figure]
     repeated: bool | None
-    """Losses: whether the same seed lost the same packets again."""
+    """For losses: whether the same seed lost the same packets again."""
 
     @property
     def good(self) -> bool:
-        """Everything within the limit, repeatable, and seen on a host that had time for it."""
+        """Whether all figures are within the limit, repeatable, and measured on a host that was
+        not overloaded."""
         within = all(abs(figure.sigmas) <= LIMIT for figure in self.figures)
         calm = self.held_up <= MOST_HELD_UP * self.packets
         return within and calm and self.repeated is not False
 
 
 def random_loss(extra_ms: Values) -> list[Figure]:
-    """Of extra delays, NaN where a packet was lost."""
+    """Evaluates extra delays, NaN where a packet was lost."""
     lost = np.isnan(extra_ms)
     error = math.sqrt(SHARE * (1 - SHARE) / len(lost))
     return [Figure("share lost", SHARE, float(lost.mean()), error)]
 
 
 def bursty_loss(extra_ms: Values) -> list[Figure]:
-    """A two-state chain: its share and the mean length of its bursts."""
+    """Two-state chain: share of lost packets and mean burst length."""
     lost = np.isnan(extra_ms)
     share = TO_BAD / (TO_BAD + TO_GOOD)
     memory = 1 - TO_BAD - TO_GOOD
     error = math.sqrt(share * (1 - share) / len(lost) * (1 + memory) / (1 - memory))
     bursts = int(lost[0]) + int(np.count_nonzero(lost[1:] & ~lost[:-1]))
     length = float(lost.sum()) / max(bursts, 1)
-    # Geometric lengths.
+    # Standard deviation of the mean of geometric burst lengths.
     spread = math.sqrt(1 - TO_GOOD) / TO_GOOD / math.sqrt(max(bursts, 1))
     return [
         Figure("share lost", share, float(lost.mean()), error),
@@ -114,7 +115,7 @@ def bursty_loss(extra_ms: Values) -> list[Figure]:
 
 
 def normal_jitter(correlation: float) -> Judge:
-    """Mean, deviation and correlation of neighbors; correlated values count as fewer."""
+    """Mean, standard deviation and lag-1 correlation; correlated values count as fewer samples."""
 
     def judge(extra_ms: Values) -> list[Figure]:
         values = extra_ms[np.isfinite(extra_ms)]
@@ -133,7 +134,8 @@ def normal_jitter(correlation: float) -> Judge:
 
 
 def pareto_jitter(extra_ms: Values) -> list[Figure]:
-    """Lomax: mean and median (the deviation of a heavy tail converges too slowly to report)."""
+    """Lomax distribution: mean and median; the standard deviation of a heavy tail converges too
+    slowly."""
     values = extra_ms[np.isfinite(extra_ms)]
     a, root = PARETO_TAIL, math.sqrt(len(values))
     scale = PARETO_MEAN_MS * (a - 1)
@@ -171,7 +173,7 @@ CASES = (
 
 
 def check(case: Case, seconds: float, seed: int) -> Found:
-    """Sends the packets of a case; those of a loss twice."""
+    """Sends the packets of a case; for losses twice with the same seed."""
     extra_ms, held_up = _send(case, seconds, seed)
     if "loss" not in case.impairment:
         figures = case.judge(extra_ms[~held_up])
@@ -182,8 +184,8 @@ def check(case: Case, seconds: float, seed: int) -> Found:
 
 
 def _send(case: Case, seconds: float, seed: int) -> tuple[Values, NDArray[np.bool_]]:
-    """What each packet took beyond the profile and the path itself, kernel to kernel, NaN when
-    lost; and which of them the host was late with."""
+    """Returns each packet's delay beyond profile and base from kernel timestamps, NaN when lost,
+    and which packets the host delivered late."""
     asked = {"name": "statistics", "rtt_ms": 2 * ONE_WAY_MS, "up": case.impairment}
     with ExitStack() as stack:
         log_dir = Path(stack.enter_context(tempfile.TemporaryDirectory()))
@@ -197,7 +199,7 @@ def _send(case: Case, seconds: float, seed: int) -> tuple[Values, NDArray[np.boo
         link.stop()
         packets = read_packets(log_dir / PACKET_LOG)
     took_ms = samples.delay_ms - link.base_ms / 2
-    # In the order of sending, lost ones too.
+    # In sending order, including lost packets.
     own = packets[(packets["direction"] == 0) & (packets["protocol"] == UDP)]
     meant_ms = (own["due_ns"] - own["in_ns"]).to_numpy() / 1e6
     if len(meant_ms) != len(took_ms):

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Recorded round trip times (CSV, white-space columns, ping logs) and Mahimahi rate traces."""
+"""Reads recorded RTTs (CSV, whitespace-separated columns, ping logs) and Mahimahi rate traces."""
 
 import csv
 import hashlib
@@ -24,34 +24,40 @@ _UNITS_S = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
 
 
 class TraceFile(BaseModel):
-    """Where an RTT recording is and how to read it."""
+    """Location and format of an RTT recording."""
 
     model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
 
     file: str
-    """Path: absolute, beside the profile, in netem_profiles/, or in a data folder."""
+    """Path: absolute, or relative to the profile's folder, netem_profiles/ or a data folder."""
     sha256: str | None = None
+    """Digest of the file; another content is an error."""
     format: Literal["columns", "ping"] = "columns"
-    """`columns`: a header line, then comma or white-space separated numbers; `ping`: its output."""
+    """`columns`: a header line, then comma- or whitespace-separated numbers; `ping`: output of
+    ping."""
     time: str = "time_s"
     """Name of the time column."""
     time_unit: Literal["s", "ms", "us", "ns"] = "s"
+    """Unit of the time column."""
     rtt: str = "rtt_ms"
     """Name of the RTT column."""
     rtt_unit: Literal["s", "ms", "us", "ns"] = "ms"
+    """Unit of the RTT column."""
     ping_interval_s: float = Field(default=1.0, gt=0)
-    """Between two requests; of a log with `-D` the stamps count instead."""
+    """Time between two requests; ignored for a log with the timestamps of `-D`."""
     start_s: float = Field(default=0.0, ge=0)
-    """First second of the recording to use; it becomes run time 0."""
+    """Offset into the recording that becomes run time 0."""
     length_s: float | None = Field(default=None, gt=0)
+    """How much of the recording is used; null: all."""
     max_gap_s: float | None = Field(default=None, gt=0)
-    """A longer silence in the recording is an error: it would be invented by interpolation. Without
-    it 1 s, of a ping log two intervals, so that one reply may be lost."""
+    """A longer gap in the recording is an error because interpolation would invent values.
+    Default 1 s; for a ping log at least 2.5 intervals, so that one reply may be lost."""
     hold: bool = False
+    """True: each value holds until the next one; false: straight lines between."""
 
 
 def find_trace(name: str, near: Path | None) -> Path:
-    """The file of that name; raises with the places searched."""
+    """Returns the path of a trace file. Raises SlambedError with the places searched."""
     path = Path(name).expanduser()
     if path.is_absolute():
         candidates = [path]
@@ -66,18 +72,18 @@ def find_trace(name: str, near: Path | None) -> Path:
 
 
 def sha256_of(path: Path) -> str:
-    """Hex digest of the file."""
+    """Returns the hex digest of the file."""
     return hashlib.sha256(path.read_bytes()).hexdigest()
 
 
 def check_digest(path: Path, expected: str | None) -> None:
-    """Raises when the file is not the one the profile was written for."""
+    """Raises SlambedError when the file differs from the one that the profile was written for."""
     if expected is not None and sha256_of(path) != expected:
         raise SlambedError(f"not the expected content (sha256), {path}; fetch the file again")
 
 
 def read_rtt_trace(description: TraceFile, near: Path | None) -> Trace:
-    """The recording as a curve that begins at run time 0."""
+    """Returns the recording as a curve that begins at run time 0."""
     path = find_trace(description.file, near)
     check_digest(path, description.sha256)
     read = _read_ping if description.format == "ping" else _read_columns
@@ -120,7 +126,7 @@ def _longest_gap_s(steps: np.ndarray, description: TraceFile) -> float:
         return description.max_gap_s
     if description.format != "ping" or not steps.size:
         return _MAX_GAP_S
-    # Requests are sent a little late, and stamps have their own jitter.
+    # Tolerates jitter of send times and timestamps.
     return max(_MAX_GAP_S, 2.5 * float(np.median(steps)))
 
 
@@ -147,16 +153,16 @@ def _read_columns(path: Path, description: TraceFile) -> tuple[np.ndarray, np.nd
         if not math.isfinite(times[-1]):
             raise SlambedError(f"time is not a number, {path} line {number}; clean the file")
     to_ms = _UNITS_S[description.rtt_unit] / _UNITS_S["ms"]
-    # Subtracted before scaling: 13-digit epoch milliseconds keep their precision.
+    # Subtracted before scaling: epoch milliseconds with 13 digits keep their precision.
     start = times[0] if times else 0.0
     relative = (np.array(times) - start) * _UNITS_S[description.time_unit]
     return relative, np.array(values) * to_ms
 
 
 def _split(lines: list[str]) -> list[tuple[int, list[str]]]:
-    """Number (from 1) and fields of each line with content."""
+    """Returns number (from 1) and fields of each non-empty line."""
     written = [(n, line) for n, line in enumerate(lines, 1) if line.strip() and line[0] != "#"]
-    if written and ";" in written[0][1]:  # as spreadsheets write where the comma is decimal
+    if written and ";" in written[0][1]:  # spreadsheets with decimal commas
         return [(n, line.replace(",", ".").split(";")) for n, line in written]
     if written and "," in written[0][1]:
         return [(n, row) for n, line in written for row in csv.reader([line])]
@@ -176,7 +182,7 @@ def _read_ping(path: Path, description: TraceFile) -> tuple[np.ndarray, np.ndarr
 
 
 def read_rate_trace(name: str, near: Path | None) -> list[int]:
-    """A Mahimahi trace: one delivery opportunity of 1,500 bytes per line, in milliseconds."""
+    """Reads a Mahimahi trace: one delivery opportunity of 1,500 bytes per line, in milliseconds."""
     path = find_trace(name, near)
     opportunities: list[int] = []
     for number, line in enumerate(read_lines(path), start=1):
@@ -197,5 +203,5 @@ def read_rate_trace(name: str, near: Path | None) -> list[int]:
 
 
 def mean_rate_mbps(opportunities_ms: list[int]) -> float:
-    """Mean rate of a Mahimahi trace."""
+    """Returns the mean rate of a Mahimahi trace."""
     return len(opportunities_ms) * MAHIMAHI_PACKET_BITS / opportunities_ms[-1] / 1e3

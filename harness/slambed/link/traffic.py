@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Traffic for measuring a link: one-way UDP, a TCP connection that reports its RTT, a TCP flood."""
+"""Traffic for link measurements: one-way UDP, a TCP connection that reports its RTT, and floods."""
 
 import contextlib
 import select
@@ -30,17 +30,17 @@ TCPI_RTT_OFFSET = 68
 """struct tcp_info, linux/tcp.h: 8 bytes, then 15 words of 4 bytes before tcpi_rtt [us]."""
 NS = 1_000_000_000
 FLOOD_BURST = 100
-SO_RCVBUFFORCE = 33  # asm-generic/socket.h: beyond net.core.rmem_max
+SO_RCVBUFFORCE = 33  # asm-generic/socket.h: may exceed net.core.rmem_max
 NUMBER = struct.Struct("!I")
 
 
 @dataclass(frozen=True)
 class Flood:
-    """Numbered packets sent as fast as they go."""
+    """Numbered packets sent at full speed."""
 
     received: int
     reordered: int
-    """Came after one that was sent later."""
+    """Packets that arrived after one that was sent later."""
     seconds: float
 
 
@@ -51,7 +51,7 @@ class OneWaySamples:
     sent_ns: NDArray[np.int64]
     """CLOCK_MONOTONIC."""
     delay_ms: NDArray[np.float64]
-    """Kernel to kernel; NaN when it never came."""
+    """From kernel timestamps; NaN for a lost packet."""
     reordered: int
     """Packets that came after one sent later."""
 
@@ -59,7 +59,8 @@ class OneWaySamples:
 def one_way(
     source: Path, target: Path, address: str, rate_hz: float, seconds: float, size: int = 64
 ) -> OneWaySamples:
-    """Sends numbered packets and returns what each took; both ends on this host's one clock."""
+    """Sends numbered packets and returns their one-way delays; both ends share this host's
+    clock."""
     sender = inside(source, lambda: socket.socket(socket.AF_INET, socket.SOCK_DGRAM))
     receiver = inside(target, lambda: socket.socket(socket.AF_INET, socket.SOCK_DGRAM))
     sent: dict[int, int] = {}
@@ -114,7 +115,8 @@ def _take_one_way(
         with contextlib.suppress(OSError):
             while True:
                 packet, ancillary, _, _ = receiver.recvmsg(2048, ANCILLARY_BYTES)
-                # With OPT_TSONLY the error queue gives no data; the receiver gets ours.
+                # OPT_TSONLY removes the data only from the error queue; the receiver gets the
+                # payload.
                 (number,) = NUMBER.unpack_from(packet)
                 received[number] = software_stamp(ancillary)
                 order.append(number)
@@ -123,7 +125,7 @@ def _take_one_way(
 
 
 class TcpRttProbe:
-    """A TCP connection with a small echo every 100 ms; remembers the kernel's tcpi_rtt."""
+    """A TCP connection with a small echo every 100 ms, which records the kernel's tcpi_rtt."""
 
     def __init__(self, mobile: Path, edge: Path, edge_address: str, rate_hz: float = 10.0) -> None:
         self._server = inside(edge, lambda: socket.create_server((edge_address, ECHO_PORT)))
@@ -181,7 +183,7 @@ class TcpRttProbe:
 def tcp_throughput_mbps(
     source: Path, target: Path, address: str, seconds: float, skip_s: float = 0.5
 ) -> float:
-    """Goodput of one TCP connection, its first moments left out."""
+    """Measures the goodput of one TCP connection, without the first `skip_s`."""
     server = inside(target, lambda: socket.create_server((address, FLOOD_PORT)))
     client = inside(source, lambda: socket.create_connection((address, FLOOD_PORT), timeout=10))
     peer, _ = server.accept()
@@ -234,7 +236,7 @@ def udp_flood(source: Path, target: Path, address: str, count: int, size: int = 
         for number in range(count):
             with contextlib.suppress(BlockingIOError):
                 sender.sendto(NUMBER.pack(number).ljust(size, b"\0"), (address, UDP_PORT))
-            # Lets the receiving thread run; the socket's buffer holds what comes in between.
+            # Lets the receiving thread run; the socket buffer holds the packets in between.
             if number % FLOOD_BURST == 0:
                 time.sleep(0.002)
         thread.join()

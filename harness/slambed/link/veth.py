@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A veth pair between two namespaces; backend none: that pair alone."""
+"""A veth pair between two namespaces, and the backend none, which uses only that pair."""
 
 import contextlib
 import os
@@ -26,7 +26,7 @@ from slambed.process.namespaces import inside
 
 
 class VethPair:
-    """Two devices, one per namespace, up and addressed."""
+    """Two devices, one per namespace, up and with addresses."""
 
     def __init__(self, mobile: Path, edge: Path, options: LinkOptions) -> None:
         self._mobile = mobile
@@ -60,13 +60,13 @@ class VethPair:
         by_netlink(namespace, work)
 
     def remove(self) -> None:
-        """Removes the pair; its other end goes with it."""
+        """Removes the pair; deleting one end removes both."""
 
         def work(netlink: Any) -> None:
             for index in netlink.link_lookup(ifname=DEVICE):
                 netlink.link("del", index=index)
 
-        # The namespace, or the device, may have gone before.
+        # The namespace or the device may already be gone.
         with contextlib.suppress(NetlinkError, OSError, SlambedError):
             by_netlink(self._mobile, work)
 
@@ -80,7 +80,7 @@ def _no_ipv6(namespace: Path) -> None:
 
 
 class PlainShaper:
-    """Backend none: a veth pair that adds nothing; the control of every comparison."""
+    """Backend none: a veth pair without impairments, as a control for comparisons."""
 
     name = "none"
 
@@ -91,13 +91,13 @@ class PlainShaper:
         self._watch = NetemControl(mobile, DEVICE)
 
     def apply(self) -> None:
-        """Nothing to apply."""
+        """Does nothing."""
 
     def start(self, t0_ns: int) -> None:
-        """Nothing to start."""
+        """Does nothing."""
 
     def died(self) -> str | None:
-        """None while the device is there."""
+        """Returns None while the device exists."""
         return None if self._watch.device_there() else f"device {DEVICE} went away"
 
     def stop(self, t0_ns: int) -> ShaperReport:

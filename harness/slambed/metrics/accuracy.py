@@ -21,7 +21,7 @@ Floats = NDArray[np.float64]
 
 MINIMUM_PAIRS = 3  # a rigid alignment in space needs three points
 RANDOM_PAIRS = 10_000
-"""Pairs that TUM's evaluate_rpe.py draws of a long path (its `max_pairs`)."""
+"""Number of random pairs for a long path in TUM's evaluate_rpe.py (its `max_pairs`)."""
 
 
 @dataclass(frozen=True)
@@ -33,13 +33,13 @@ class Alignment:
     scale: float = 1.0
 
     def apply(self, positions_m: Floats) -> Floats:
-        """Moves positions [N,3] into the frame of the truth."""
+        """Transforms positions [N,3] into the frame of the ground truth."""
         moved: Floats = self.scale * positions_m @ self.rotation.T + self.translation_m
         return moved
 
     def apply_to(self, trajectory: Trajectory) -> Trajectory:
-        """Moves a whole trajectory, orientations too."""
-        from scipy.spatial.transform import Rotation  # takes long to load
+        """Transforms a whole trajectory, including orientations."""
+        from scipy.spatial.transform import Rotation  # slow to import
 
         turned = Rotation.from_matrix(self.rotation) * trajectory.rotations()
         return Trajectory(trajectory.stamps_s, self.apply(trajectory.positions_m), turned.as_quat())
@@ -47,7 +47,7 @@ class Alignment:
 
 @dataclass(frozen=True)
 class ErrorStatistics:
-    """A set of errors in one unit; `alignment` says Sim3 when the scale was free."""
+    """Statistics of errors in one unit; `alignment` is Sim3 if the scale was estimated."""
 
     rmse: float
     mean: float
@@ -58,7 +58,7 @@ class ErrorStatistics:
     pairs: int
     alignment: str = "SE3"
     scale: float = 1.0
-    """What the estimate was multiplied by; 1 unless the scale was free."""
+    """Scale applied to the estimate; 1 unless it was estimated."""
 
 
 @dataclass(frozen=True)
@@ -71,7 +71,8 @@ class RelativeError:
 
 
 def align_umeyama(source_m: Floats, target_m: Floats, with_scale: bool = False) -> Alignment:
-    """Least-squares motion of source onto target [N,3]; the scale stays 1 unless asked for.
+    """Returns the least-squares alignment of source to target [N,3]; the scale is 1 unless
+    `with_scale`.
 
     Raises SlambedError with fewer than three pairs.
     """
@@ -93,7 +94,7 @@ def align_umeyama(source_m: Floats, target_m: Floats, with_scale: bool = False) 
 
 
 def statistics_of(errors: Floats, alignment: str = "SE3", scale: float = 1.0) -> ErrorStatistics:
-    """Summary of non-negative errors (population standard deviation)."""
+    """Returns statistics of non-negative errors (population standard deviation)."""
     return ErrorStatistics(
         rmse=float(np.sqrt(np.mean(errors**2))),
         mean=float(errors.mean()),
@@ -114,7 +115,7 @@ def absolute_error(
     method: Method = "nearest",
     with_scale: bool = False,
 ) -> ErrorStatistics:
-    """ATE of the positions after one alignment: SE3, or Sim3 (marked) when asked for."""
+    """Returns the ATE of the positions after one alignment: SE3, or Sim3 with `with_scale`."""
     return absolute_error_and_alignment(estimate, truth, max_difference_s, method, with_scale)[0]
 
 
@@ -125,7 +126,7 @@ def absolute_error_and_alignment(
     method: Method = "nearest",
     with_scale: bool = False,
 ) -> tuple[ErrorStatistics, Alignment]:
-    """The same, and what moves the estimate onto the truth."""
+    """Returns the ATE and the alignment of the estimate to the ground truth."""
     matched, reference = associate(estimate, truth, max_difference_s, method)
     if len(matched) < MINIMUM_PAIRS:
         raise _too_few_pairs(len(matched), estimate, truth, max_difference_s)
@@ -138,7 +139,7 @@ def absolute_error_and_alignment(
 def _too_few_pairs(
     pairs: int, estimate: Trajectory, truth: Trajectory, max_difference_s: float
 ) -> SlambedError:
-    """What keeps two trajectories apart: their clocks, or how far the nearest stamps are."""
+    """Explains why trajectories do not match: different clocks, or timestamps too far apart."""
     found = (
         f"{pairs} pose pairs within {1e3 * max_difference_s:g} ms, need at least {MINIMUM_PAIRS} "
         "to align"
@@ -161,7 +162,7 @@ def _too_few_pairs(
 
 
 def pairs_by_frames(count: int, delta: int, all_pairs: bool = True) -> NDArray[np.intp]:
-    """Index pairs `delta` frames apart: every start, or only back to back."""
+    """Returns index pairs `delta` frames apart: from every start, or only consecutive pairs."""
     starts = np.arange(0, count - delta, 1 if all_pairs else delta)
     return np.column_stack([starts, starts + delta]).astype(np.intp)
 
@@ -169,14 +170,16 @@ def pairs_by_frames(count: int, delta: int, all_pairs: bool = True) -> NDArray[n
 def pairs_by_time(
     stamps_s: Floats, delta_s: float, tolerance_s: float = MAX_DIFFERENCE_S
 ) -> NDArray[np.intp]:
-    """For every pose the pose nearest to `delta_s` later, when that exists within the tolerance."""
+    """Pairs each pose with the pose nearest to `delta_s` later, if one exists within the
+    tolerance."""
     starts, ends = match_nearest(stamps_s + delta_s, stamps_s, tolerance_s)
     keep = ends > starts
     return np.column_stack([starts[keep], ends[keep]]).astype(np.intp)
 
 
 def _half_a_frame(stamps_s: Floats) -> float:
-    """Tolerance that leaves a partner even where the interval is no multiple of the frame time."""
+    """Returns a tolerance that finds a partner even if the interval is no multiple of the frame
+    period."""
     usual_s = float(np.median(np.diff(stamps_s))) if len(stamps_s) > 1 else 0.0
     return max(MAX_DIFFERENCE_S, usual_s / 2)
 
@@ -190,9 +193,10 @@ def relative_error(
     method: Method = "nearest",
     all_pairs: bool = True,
 ) -> RelativeError:
-    """RPE over `delta_s` seconds of the estimate, or over `delta_frames` poses when that is None.
+    """Returns the RPE over `delta_s` seconds of the estimate, or over `delta_frames` poses if that
+    is None.
 
-    No alignment is needed: both motions are taken relative to their own start pose.
+    No alignment is needed: both motions are relative to their own start pose.
     """
     matched, reference = associate(estimate, truth, max_difference_s, method)
     if delta_s is not None:
@@ -216,10 +220,11 @@ def relative_error_over_all(
     max_difference_s: float = MAX_DIFFERENCE_S,
     method: Method = "nearest",
 ) -> RelativeError:
-    """RPE over pairs of any distance, as TUM's evaluate_rpe.py without `--fixed_delta`.
+    """Returns the RPE over pairs of any distance, like TUM's evaluate_rpe.py without
+    `--fixed_delta`.
 
-    All ordered pairs of fewer than 100 poses, else 10,000 drawn at random; with a fixed seed here,
-    so that the same path has the same error.
+    Uses all ordered pairs of fewer than 100 poses, otherwise 10,000 random pairs; the seed is
+    fixed, so that the same path has the same error.
     """
     matched, reference = associate(estimate, truth, max_difference_s, method)
     if len(matched) < 2:
@@ -228,7 +233,7 @@ def relative_error_over_all(
 
 
 def pairs_of_any_distance(count: int) -> NDArray[np.intp]:
-    """Index pairs as TUM's script takes them."""
+    """Returns index pairs like TUM's script."""
     if count < RANDOM_PAIRS**0.5:
         return np.indices((count, count)).reshape(2, -1).T.astype(np.intp)
     return np.random.default_rng(0).integers(0, count, (RANDOM_PAIRS, 2)).astype(np.intp)
@@ -253,7 +258,7 @@ def _error_of_pairs(
 def _relative_motion(
     trajectory: Trajectory, start: NDArray[np.intp], end: NDArray[np.intp]
 ) -> tuple[Rotation, Floats]:
-    """Rotation and translation of each end pose seen from its start pose."""
+    """Returns rotation and translation of each end pose relative to its start pose."""
     rotations = trajectory.rotations()
     back = rotations[start].inv()
     step = back.apply(trajectory.positions_m[end] - trajectory.positions_m[start])
@@ -261,7 +266,7 @@ def _relative_motion(
 
 
 def product(first: Rotation, second: Rotation) -> Rotation:
-    """`first * second` of as many rotations each, as scipy computes it but eight times as fast."""
+    """Returns `first * second` for arrays of rotations, eight times as fast as scipy."""
     from scipy.spatial.transform import Rotation
 
     x1, y1, z1, w1 = first.as_quat().T

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Which estimated pose belongs to which true pose."""
+"""Associates estimated poses with true poses by timestamp."""
 
 from typing import Literal
 
@@ -16,7 +16,8 @@ def associate(
     max_difference_s: float = MAX_DIFFERENCE_S,
     method: Method = "nearest",
 ) -> tuple[Trajectory, Trajectory]:
-    """Pairs of equal length. `nearest`: the shorter trajectory asks the longer one, as evo does."""
+    """Returns matched trajectories of equal length. `nearest`: each pose of the shorter
+    trajectory is matched to the longer one, like evo does."""
     if method == "tum":
         i, j = match_tum(truth.stamps_s, estimate.stamps_s, max_difference_s)
         return estimate.take(j), truth.take(i)

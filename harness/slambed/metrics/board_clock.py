@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Brings what a mobile node on a board wrote to the clock of its edge.
+"""Converts the records of a mobile node on a board to the clock of its edge.
 
-The board was given run time 0 by a comparison of both clocks, so its run clock began right; while
-the run lasted it gained or lost, and by how much the comparison afterwards says.
+The board's run time 0 came from a clock comparison, so its run clock started exact. The drift
+during the run follows from the comparison after the run.
 """
 
 from collections.abc import Iterable
@@ -12,16 +12,16 @@ from slambed.metrics.events import Event, EventLog
 
 NS_PER_MS = 1e6
 MOBILE_SENT = ("queued_ns", "sent_ns")
-"""Of a message that went up, reported by the edge; what came down was `received_ns` by the
-board."""
+"""Fields of an uplink message, logged by the edge; of a downlink message the board logs
+`received_ns`."""
 UP_MS = ("t_me_ms", "t_up_ms", "up_ms", "transport_ms", "upload_ms")
-"""From a moment of the board to one of the edge: too short by what the board's clock gained."""
+"""Durations from a board time to an edge time: too short by the gain of the board's clock."""
 DOWN_MS = ("t_em_ms", "t_down_ms", "down_ms", "download_ms")
-"""The other way: too long by it."""
+"""Durations from an edge time to a board time: too long by the same gain."""
 
 
 def on_one_clock(log: EventLog, clocks: Clocks) -> EventLog:
-    """The same events with the board's times as the edge's clock had them."""
+    """Returns the same events with the board's times converted to the edge's clock."""
     events = sorted(_corrected(log.events, clocks), key=lambda event: event["t_ns"])
     return EventLog(events, log.problems)
 
@@ -35,7 +35,7 @@ def _corrected(events: Iterable[Event], clocks: Clocks) -> Iterable[Event]:
         if event["type"] == "message" and not mobile:
             stamps += MOBILE_SENT
         elif mobile and event.get("dropped"):
-            stamps += MOBILE_SENT  # by its sender
+            stamps += MOBILE_SENT  # logged by its sender
         for key in stamps:
             if isinstance(event.get(key), int):
                 changed[key] = event[key] - gained_ns

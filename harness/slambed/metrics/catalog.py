@@ -1,7 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The one list of what is known about a run. A new number is one entry: summary.json, summary.csv
-and, after `python -m slambed.document`, the tables of docs/formats.md and docs/metrics.md follow.
-Reports and the gate take it as its `use` says, by default only where an experiment asks for it."""
+"""The list of all metrics. A new metric needs only one entry: summary.json, summary.csv and, after
+`python -m slambed.document`, the tables of docs/reference/summary.md and docs/reference/metrics.md
+follow. Reports and the regression gate use it according to `use`; the default is only on request of
+an experiment."""
 
 from collections.abc import Callable, Iterable, Mapping
 from functools import partial
@@ -40,9 +41,9 @@ from slambed.metrics.work_shares import UPDATE, WORK, share_of_update, share_of_
 from slambed.records.kept_spec import KeptSpec
 
 METRICS_VERSION = 9
-"""Counted up with every new value and every change of a value's computation: old summaries are
-known by it, and `slambed report --again` makes them anew. A test compares a kept run with kept
-values."""
+"""To be incremented with every new metric and every change of a computation. It identifies
+outdated summaries, which `slambed report --again` computes again. A test compares a stored run
+with stored values."""
 
 SHOWN, DRAWN, TESTED, GATED = Use.SHOWN, Use.DRAWN, Use.TESTED, Use.GATED
 HEADLINE = SHOWN | DRAWN | TESTED | GATED
@@ -56,17 +57,18 @@ LowerIsBetter = partial(Metric, better="lower")
 
 
 def _spec(of: Callable[[KeptSpec], Value]) -> Callable[[RunData], Value]:
-    """From the RunSpec."""
+    """Takes a value from the RunSpec."""
     return lambda run: of(run.spec)
 
 
 def _tracking(of: Callable[[Tracking], Value]) -> Callable[[RunData], Value]:
-    """From the frame states, null without any event."""
+    """Takes a value from the frame states; null without any event."""
     return lambda run: of(run.tracking) if run.measured else None
 
 
 def _mapped(field: str) -> Callable[[RunData], Value]:
-    """The global map is the edge's where there is one: its last keyframe_mapped reports."""
+    """Takes a value from the last keyframe_mapped event; with an edge, the global map is on the
+    edge."""
 
     def value(run: RunData) -> Value:
         mapped = run.log.of("keyframe_mapped", node="edge") or run.log.of("keyframe_mapped")
@@ -454,20 +456,20 @@ METRICS: tuple[Metric, ...] = (
 )  # fmt: skip
 
 SUMMARY_KEYS = tuple(metric.key for metric in METRICS)
-"""The first columns of summary.csv in their order; the own metrics of systems follow."""
+"""The first columns of summary.csv in order; the systems' own metrics follow."""
 
 _BY_KEY = {metric.key: metric for metric in METRICS}
 
 
 def metrics_of(system: object) -> tuple[Metric, ...]:
-    """Everything that the summary of a run of this system holds."""
+    """Returns all metrics in the summary of a run of this system."""
     return METRICS + own_metrics(str(system), frozenset(SUMMARY_KEYS))
 
 
 def own_of(systems: Iterable[object]) -> dict[str, Metric]:
-    """The own metrics of all these systems by key.
+    """Returns the own metrics of all these systems by key.
 
-    Raises SlambedError where two of them show different things under one key.
+    Raises SlambedError if two systems define a key differently.
     """
     found: dict[str, Metric] = {}
     for system in dict.fromkeys(map(str, systems)):
@@ -481,16 +483,16 @@ def own_of(systems: Iterable[object]) -> dict[str, Metric]:
 
 
 def version_for(system: object) -> str:
-    """What `metrics_version` of a run of this system is today."""
+    """Returns the current `metrics_version` for a run of this system."""
     digest = own_digest(str(system))
     return f"{METRICS_VERSION}+{digest}" if digest else str(METRICS_VERSION)
 
 
 def metric(key: str, own: Mapping[str, Metric] | None = None) -> Metric:
-    """The metric of a key; a key nobody described is shown as it is."""
+    """Returns the metric of a key; an unknown key gets a metric without description."""
     return _BY_KEY.get(key) or (own or {}).get(key) or Metric(key, "", digits=3)
 
 
 def keys_for(use: Use, own: Mapping[str, Metric] | None = None) -> list[str]:
-    """Keys of the metrics that a report takes unasked."""
+    """Returns the keys of the metrics that a report uses by default."""
     return [item.key for item in (*METRICS, *(own or {}).values()) if use in item.use]

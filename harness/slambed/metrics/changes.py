@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""By how much B is more than A, with a 95 % interval: the twins of the tests in `comparison`."""
+"""Difference of B and A with a 95 % interval: the counterparts of the tests in `comparison`."""
 
 from functools import lru_cache
 
@@ -11,14 +11,16 @@ from slambed.metrics.statistics import CONFIDENCE, Interval, finite, interval
 
 Floats = NDArray[np.float64]
 EXACT_RUNS = 30
-"""Up to here the distribution of Mann-Whitney's U is counted, above it is normal."""
+"""Up to this number of runs Mann-Whitney's U has its exact distribution, above it a normal one."""
 
 
 def shift(a: ArrayLike, b: ArrayLike, confidence: float = CONFIDENCE) -> Interval:
-    """Median difference of a run of B and a run of A (Hodges and Lehmann 1963), whose interval
-    holds what Mann-Whitney's test does not refuse (Moses; Hollander and Wolfe, sec. 4.3).
+    """Returns the median difference of a run of B and a run of A (Hodges and Lehmann 1963). The
+    interval holds all shifts that Mann-Whitney's test does not reject (Moses; Hollander and Wolfe,
+    sec. 4.3).
 
-    Two failed runs (infinite) do not differ. Too few runs for an interval give the range.
+    Two failed runs (infinite) have difference 0. With too few runs for an interval the range is
+    returned.
     """
     first, second = finite(a), finite(b)
     differences = np.sort(_minus(second[:, None], first[None, :]).ravel())
@@ -34,21 +36,21 @@ def shift(a: ArrayLike, b: ArrayLike, confidence: float = CONFIDENCE) -> Interva
 
 
 def paired_shift(a: Floats, b: Floats, confidence: float = CONFIDENCE) -> Interval:
-    """Median of the differences of pairs, between order statistics. Two failed runs do not
-    differ."""
+    """Returns the median of paired differences with an interval of order statistics. Two failed
+    runs have difference 0."""
     return interval(_minus(b, a), confidence)
 
 
 def share_change(a: Floats, b: Floats, confidence: float = CONFIDENCE) -> Interval:
-    """Of two shares, each from runs that are 0 or 1 (Newcombe 1998, method 10)."""
+    """Returns the difference of two shares of 0/1 outcomes (Newcombe 1998, method 10)."""
     low, high = newcombe(b.sum(), len(b), a.sum(), len(a), confidence)
     value = float(b.mean() - a.mean())
     return Interval(value, float(low), float(high), min(len(a), len(b)))
 
 
 def paired_share_change(a: Floats, b: Floats, confidence: float = CONFIDENCE) -> Interval:
-    """Of two shares of the same seeds (Newcombe 1998, paired, method 10: the score intervals of
-    both, joined by the correlation of the pairs)."""
+    """Returns the difference of two shares with the same seeds (Newcombe 1998, paired, method
+    10: both score intervals, combined with the correlation of the pairs)."""
     count = len(a)
     both, neither = float((a * b).sum()), float(((1 - a) * (1 - b)).sum())
     only_a, only_b = float(a.sum()) - both, float(b.sum()) - both
@@ -72,7 +74,7 @@ def newcombe(
     paper_runs: ArrayLike,
     confidence: float,
 ) -> tuple[Floats, Floats]:
-    """Interval of (share of ours - share of the paper), for arrays that broadcast."""
+    """Returns the interval of (our share - the paper's share), for arrays that broadcast."""
     z = normal_quantile(0.5 + confidence / 2)
     p1 = np.asarray(ours_bad, dtype=np.float64) / np.asarray(ours_runs)
     p2 = np.asarray(paper_bad, dtype=np.float64) / np.asarray(paper_runs)
@@ -86,8 +88,9 @@ def newcombe(
 
 
 def wilson_limits(bad: ArrayLike, runs: ArrayLike, z: float) -> tuple[Floats, Floats]:
-    """Wilson's score interval (1927) of arrays of counts, for a two-sided normal quantile z:
-    `statistics.wilson`, which asks scipy, for the thousands of shares of a simulation at once."""
+    """Returns Wilson's score interval (1927) for arrays of counts and a two-sided normal
+    quantile z. It replaces `statistics.wilson`, which calls scipy, for thousands of shares at
+    once."""
     k, n = np.asarray(bad, dtype=np.float64), np.asarray(runs, dtype=np.float64)
     p = k / n
     center = (p + z * z / (2 * n)) / (1 + z * z / n)
@@ -97,7 +100,7 @@ def wilson_limits(bad: ArrayLike, runs: ArrayLike, z: float) -> tuple[Floats, Fl
 
 @lru_cache
 def normal_quantile(probability: float) -> float:
-    """Of the standard normal distribution."""
+    """Returns a quantile of the standard normal distribution."""
     return float(stats.norm.ppf(probability))
 
 
@@ -112,8 +115,8 @@ def _joined(one: float | Floats, other: float | Floats, phi: float) -> float:
 
 @lru_cache
 def _outside(a: int, b: int, confidence: float) -> int:
-    """How many of the sorted differences lie outside of the interval on either side, the end
-    itself counted; 0 where no two of them promise that much."""
+    """Returns how many sorted differences lie outside the interval on each side, including its
+    end; 0 if no interval reaches the confidence."""
     tail = (1 - confidence) / 2
     if max(a, b) > EXACT_RUNS:
         spread = np.sqrt(a * b * (a + b + 1) / 12)
@@ -123,7 +126,8 @@ def _outside(a: int, b: int, confidence: float) -> int:
 
 @lru_cache
 def _u_distribution(a: int, b: int) -> Floats:
-    """Probability of every value 0..a*b of U: the largest of all runs is one of A or one of B."""
+    """Returns the probability of each value 0..a*b of U, by recursion: the largest run belongs
+    to A or to B."""
     if a == 0 or b == 0:
         return np.ones(1)
     found = np.zeros(a * b + 1)

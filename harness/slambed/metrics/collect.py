@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Events, samples and link log of a run, from its raw files or from those of its result."""
+"""Reads events, samples and link log of a run from its raw folder or its stored result."""
 
 import json
 import shutil
@@ -27,18 +27,19 @@ EVENTS = "events.parquet"
 
 
 def read_log(folder: Path) -> EventLog:
-    """Events of a raw folder (events.jsonl of the nodes) or of a result (events.parquet)."""
+    """Reads the events of a raw folder (events.jsonl of the nodes) or of a result
+    (events.parquet)."""
     return stored_log(folder / EVENTS) if is_stored(folder) else read_events(folder)
 
 
 def is_stored(folder: Path) -> bool:
-    """Whether it is a result's: what its events say is no raw log any more."""
+    """Returns whether the folder is a stored result, which has no raw logs."""
     return (folder / EVENTS).exists()
 
 
 def stored_log(path: Path, types: Sequence[str] | None = None) -> EventLog:
-    """The events (of these types) of a result, as the nodes wrote them: without nulls, ids whole
-    numbers of 64 bits, what the schema does not know unpacked."""
+    """Returns the events (of these types) of a result as the nodes wrote them: without nulls,
+    with 64-bit integer ids, and with extra fields unpacked."""
     try:
         with pq.ParquetFile(path) as file:
             table = file.read(use_threads=False)
@@ -57,7 +58,7 @@ def stored_log(path: Path, types: Sequence[str] | None = None) -> EventLog:
 
 
 def events_today(table: pd.DataFrame) -> pd.DataFrame:
-    """The table of a result's events in today's words."""
+    """Renames columns and values of older versions in the event table of a result."""
     renamed = table.rename(columns={old: new for old, new in FIELDS.items() if new not in table})
     for column, names in OF_VALUES.items():
         if column in renamed:
@@ -66,7 +67,7 @@ def events_today(table: pd.DataFrame) -> pd.DataFrame:
 
 
 def read_samples(raw_dir: Path) -> tuple[pd.DataFrame, list[str]]:
-    """Samples of a raw folder (samples.jsonl) or of a result (samples.parquet)."""
+    """Reads the samples of a raw folder (samples.jsonl) or of a result (samples.parquet)."""
     if (parquet := raw_dir / "samples.parquet").exists():
         return _read_parquet(parquet, SAMPLE_COLUMNS)
     path = raw_dir / "samples.jsonl"
@@ -77,7 +78,8 @@ def read_samples(raw_dir: Path) -> tuple[pd.DataFrame, list[str]]:
 
 
 def read_link(raw_dir: Path) -> tuple[pd.DataFrame | None, list[str]]:
-    """The link log: link.parquet, or all t_s/series/value files in link/; None without a link."""
+    """Reads the link log: link.parquet, or all t_s/series/value files in link/; None without a
+    link."""
     folder = raw_dir / "link"
     for whole in (raw_dir / "link.parquet", folder / "link.parquet"):
         if whole.exists():
@@ -95,7 +97,7 @@ def read_link(raw_dir: Path) -> tuple[pd.DataFrame | None, list[str]]:
         elif path.suffix == ".parquet":
             part, complaints = _read_parquet(path, LINK_COLUMNS)
         else:
-            continue  # logs and packet captures stay what they are
+            continue  # other logs and packet captures
         problems += complaints
         part = part.dropna(subset=["t_s", "series"])
         if len(part):
@@ -106,9 +108,9 @@ def read_link(raw_dir: Path) -> tuple[pd.DataFrame | None, list[str]]:
 
 
 def keep_groundtruth(experiment_dir: Path, dataset: str, groundtruth: Path) -> Path:
-    """Copies the true path to `<experiment>/groundtruth/<dataset>.txt`, unless it is there: reports
-    need it later, and evo reads it. A corrected one takes the place of the old one; where there is
-    none any more (a cache was emptied), the kept one stays."""
+    """Copies the ground truth to `<experiment>/groundtruth/<dataset>.txt` for later reports and
+    for evo. A corrected file replaces an old copy; if the source has gone (an emptied cache),
+    the copy stays."""
     target = experiment_dir / "groundtruth" / f"{dataset.replace('/', '_')}.txt"
     if target.exists() and (
         not groundtruth.exists() or target.read_bytes() == groundtruth.read_bytes()

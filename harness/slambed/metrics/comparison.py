@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Is condition B different from A: rank and exact tests, effect size, and what n runs can show."""
+"""Tests whether condition B differs from A: rank and exact tests, effect sizes, and power."""
 
 from dataclasses import dataclass
 from functools import lru_cache
@@ -22,21 +22,21 @@ USUAL_ALPHA = 0.05
 
 @dataclass(frozen=True)
 class RankTest:
-    """Mann-Whitney U of b against a. Cliff's delta: P(b > a) - P(b < a), in -1..1."""
+    """Mann-Whitney U test of b against a. Cliff's delta: P(b > a) - P(b < a), in -1..1."""
 
     p_value: float
     cliffs_delta: float
 
     @property
     def size(self) -> str:
-        """The effect in words (Romano et al., 2006)."""
+        """Returns the effect size in words (Romano et al., 2006)."""
         magnitude = abs(self.cliffs_delta)
         limits = ((0.147, "negligible"), (0.33, "small"), (0.474, "medium"))
         return next((name for limit, name in limits if magnitude < limit), "large")
 
 
 def mann_whitney(a: ArrayLike, b: ArrayLike, alternative: Alternative = "two-sided") -> RankTest:
-    """Compares two sets of runs by rank; `greater` asks whether b tends to be larger than a.
+    """Compares two sets of runs by rank; `greater` tests whether b tends to be larger than a.
 
     Infinite values (failed runs) rank last and tie. Raises SlambedError when a side is empty.
     """
@@ -51,13 +51,14 @@ def mann_whitney(a: ArrayLike, b: ArrayLike, alternative: Alternative = "two-sid
 def fisher(
     bad_a: int, runs_a: int, bad_b: int, runs_b: int, alternative: Alternative = "two-sided"
 ) -> float:
-    """p-value of Fisher's exact test; `greater` asks whether b has the larger share."""
+    """Returns the p-value of Fisher's exact test; `greater` tests whether b has the larger
+    share."""
     table = np.array([[bad_b, runs_b - bad_b], [bad_a, runs_a - bad_a]])
     return float(stats.fisher_exact(table, alternative=alternative).pvalue)
 
 
 def signed_rank(a: ArrayLike, b: ArrayLike, alternative: Alternative = "two-sided") -> float:
-    """p-value of Wilcoxon's signed-rank test of paired runs; 1 where all agree."""
+    """Returns the p-value of Wilcoxon's signed-rank test of paired runs; 1 if all pairs agree."""
     difference = np.asarray(b, dtype=np.float64) - np.asarray(a, dtype=np.float64)
     changed = difference[difference != 0]
     if not len(changed):
@@ -68,8 +69,8 @@ def signed_rank(a: ArrayLike, b: ArrayLike, alternative: Alternative = "two-side
 
 
 def mcnemar(bad_a: ArrayLike, bad_b: ArrayLike, alternative: Alternative = "two-sided") -> float:
-    """p-value of the exact test of paired shares (McNemar): only pairs that disagree count;
-    `greater` asks whether b has the larger share."""
+    """Returns the p-value of McNemar's exact test of paired shares, which uses only discordant
+    pairs; `greater` tests whether b has the larger share."""
     a, b = np.asarray(bad_a, dtype=bool), np.asarray(bad_b, dtype=bool)
     only_b, only_a = int((b & ~a).sum()), int((a & ~b).sum())
     if only_a + only_b == 0:
@@ -78,18 +79,19 @@ def mcnemar(bad_a: ArrayLike, bad_b: ArrayLike, alternative: Alternative = "two-
 
 
 def least_p(runs: int, paired: bool) -> float:
-    """The smallest two-sided p-value that `runs` runs on either side can give, however large the
-    difference: all pairs point one way (2 of 2^n), or all ranks (shares) are apart."""
+    """Returns the smallest possible two-sided p-value with `runs` runs per side: all pairs have
+    the same sign (2 of 2^n), or all ranks (shares) are separated."""
     return min(1.0, 2.0 ** (1 - runs) if paired else 2.0 / comb(2 * runs, runs))
 
 
 def runs_to_show(tests: int, paired: bool, alpha: float = USUAL_ALPHA) -> int:
-    """Fewest runs on either side with which the first of `tests` tests can pass Holm at all."""
+    """Returns the minimum number of runs per side with which the first of `tests` tests can pass
+    Holm's adjustment."""
     return next(n for n in range(2, 1000) if least_p(n, paired) * tests <= alpha)
 
 
 def holm(p_values: ArrayLike) -> Floats:
-    """Holm's step-down adjustment: the chance of any false alarm stays below the level."""
+    """Returns Holm's step-down adjustment, which bounds the probability of any false alarm."""
     raw = np.asarray(p_values, dtype=np.float64)
     order = np.argsort(raw, kind="stable")
     factors = np.arange(len(raw), 0, -1)
@@ -100,7 +102,8 @@ def holm(p_values: ArrayLike) -> Floats:
 
 
 def power_of_shares(share_a: float, share_b: float, runs: int, alpha: float = USUAL_ALPHA) -> float:
-    """Chance that `runs` runs per condition show the two shares to differ (Fisher, two-sided)."""
+    """Returns the probability that `runs` runs per condition show a difference of the two shares
+    (Fisher, two-sided)."""
     outcomes = np.arange(runs + 1)
     chance_a = stats.binom.pmf(outcomes, runs, share_a)
     chance_b = stats.binom.pmf(outcomes, runs, share_b)
@@ -109,12 +112,12 @@ def power_of_shares(share_a: float, share_b: float, runs: int, alpha: float = US
 
 @lru_cache(maxsize=32)
 def _fisher_table(runs: int) -> Floats:
-    """Two-sided Fisher p-values of every pair (i bad of runs, j bad of runs)."""
+    """Returns two-sided Fisher p-values of every pair (i bad of runs, j bad of runs)."""
     table = np.ones((runs + 1, runs + 1))
     for total in range(1, 2 * runs):
         i = np.arange(max(0, total - runs), min(runs, total) + 1)
         chance = stats.hypergeom.pmf(i, 2 * runs, total, runs)
-        # As likely or less likely than what was seen, with room for rounding.
+        # At most as likely as the observed table, with a tolerance for rounding.
         less_likely = chance[None, :] <= chance[:, None] * (1 + 1e-7)
         table[i, total - i] = (less_likely * chance[None, :]).sum(axis=1)
     return table
@@ -123,7 +126,8 @@ def _fisher_table(runs: int) -> Floats:
 def smallest_distinguishable_share(
     share: float, runs: int, power: float = USUAL_POWER
 ) -> float | None:
-    """The nearest larger share (steps of 1 %) that `runs` runs would distinguish from `share`."""
+    """Returns the smallest larger share (steps of 1 %) that `runs` runs can distinguish from
+    `share`."""
     for percent in range(int(share * 100) + 1, 101):
         if power_of_shares(share, percent / 100, runs) >= power:
             return percent / 100
@@ -131,7 +135,7 @@ def smallest_distinguishable_share(
 
 
 def power_hint(runs: int, share: float = 0.03) -> str:
-    """One sentence for reports: what this number of runs can show."""
+    """Returns one sentence for reports on what this number of runs can show."""
     if runs < 2:
         return "One run per cell shows nothing about differences."
     least = smallest_distinguishable_share(share, runs)
@@ -147,7 +151,7 @@ def power_hint(runs: int, share: float = 0.03) -> str:
 
 @dataclass(frozen=True)
 class Modes:
-    """Two groups in one condition: their medians and how many runs are in each."""
+    """Two modes in one condition: their medians and numbers of runs."""
 
     low_median: float
     high_median: float
@@ -157,16 +161,16 @@ class Modes:
 
 MODES_MINIMUM_RUNS = 8
 MODES_MINIMUM_SHARE = 0.1
-MODES_VALLEY = 0.12  # half-width of the valley between the groups' means, of their distance
+MODES_VALLEY = 0.12  # half-width of the valley, as a share of the means' distance
 MODES_VALLEY_SHARE = 0.02  # this share of the runs may lie in the valley
 
 
 def two_modes(values: ArrayLike) -> Modes | None:
-    """Splits the values in two when they clearly fall into two groups, else None.
+    """Splits values that clearly form two groups; otherwise returns None.
 
-    The best split of the sorted values (least scatter within) is accepted when the groups' means
-    are far apart for their scatter (Ashman's D) and hardly anyone lies half-way between them.
-    False alarms on normal samples of 8 to 200 runs stay below 4 % (tests).
+    The best split of the sorted values (least scatter within groups) is accepted if the means are
+    far apart relative to the scatter (Ashman's D) and almost no value lies halfway between them.
+    The false alarm rate on normal samples of 8 to 200 runs is below 4 % (tests).
     """
     sample = np.sort(finite(values))
     sample = sample[np.isfinite(sample)]
@@ -191,5 +195,6 @@ def two_modes(values: ArrayLike) -> Modes | None:
 
 
 def ashman_limit(count: int) -> float:
-    """Distance of group means, in scatters, that chance does not reach: more for few runs."""
+    """Returns the distance of group means, in units of scatter, that chance does not reach;
+    larger for few runs."""
     return 3.5 + 20.0 / count

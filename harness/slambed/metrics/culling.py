@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""How well a run left out what lies on people, with masks of all ages as they came: by the true
-labels of a generated sequence, which no node reads (docs/masks.md)."""
+"""Precision and recall of culling features on people, with masks of any age as they arrived. Judged
+by the true labels of a generated sequence, which no node reads (docs/explanation/masks.md)."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -17,15 +17,15 @@ Pixels = NDArray[np.int64]
 
 @dataclass(frozen=True)
 class Culling:
-    """Shares over all features of all frames; None where there was nothing to share out."""
+    """Shares over all features of all frames; None if undefined."""
 
     recall: float | None = None
     precision: float | None = None
 
 
 def culling_of(frames: list[Event], sequence: Path, border_px: int) -> Culling:
-    """Of events `frame_features`. A feature nearer to somebody than the border is rightly culled,
-    and not missed when it is not. Raises SlambedError where the labels cannot be read."""
+    """Evaluates `frame_features` events. A feature within the border around a person is culled
+    correctly, but not missed if it is kept. Raises SlambedError if the labels cannot be read."""
     labels = MaskCache.open(sequence / LABELS_FILE, LABELS_KEY)
     on_people = found = culled = rightly = 0
     for event in frames:
@@ -44,7 +44,7 @@ def culling_of(frames: list[Event], sequence: Path, border_px: int) -> Culling:
 
 
 def widened(mask: Mask, border_px: int) -> Mask:
-    """By a square, as nodes do it."""
+    """Dilates the mask with a square, like the nodes do."""
     sums = np.pad(mask, border_px + 1).astype(np.int64).cumsum(axis=0).cumsum(axis=1)
     side = 2 * border_px + 1
     inside = sums[side:, side:] - sums[:-side, side:] - sums[side:, :-side] + sums[:-side, :-side]
@@ -54,7 +54,7 @@ def widened(mask: Mask, border_px: int) -> Mask:
 
 
 def _pixels(text: str) -> Pixels:
-    """Pairs u, v."""
+    """Parses pairs of u, v."""
     return np.array(text.split(), dtype=np.int64).reshape(-1, 2)
 
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A system's own metrics: what its system.yaml says is to be taken from its events."""
+"""A system's own metrics, as its system.yaml defines them on its events."""
 
 import hashlib
 from collections.abc import Callable
@@ -31,8 +31,8 @@ REDUCED: dict[str, Callable[[np.ndarray[tuple[int], np.dtype[np.float64]]], floa
 
 
 def described_by(system: str | None, folder: str | None) -> str:
-    """What finds the description of a run's system: its name, or the file of a program of its own
-    where that is still there."""
+    """Returns what identifies the description of a run's system: its name, or the file of a
+    system with its own program if that still exists."""
     name = str(system)
     if not folder:
         return name
@@ -41,9 +41,9 @@ def described_by(system: str | None, folder: str | None) -> str:
 
 
 def own_metrics(system: str, taken: frozenset[str]) -> tuple[Metric, ...]:
-    """The metrics that a system declares; a system that is not in this checkout has none.
+    """Returns the metrics that a system declares; empty for a system that is not in this checkout.
 
-    Raises SlambedError when one of them is called as a metric of every system (`taken`).
+    Raises SlambedError if a key is already a metric of every system (`taken`).
     """
     described = _system(system)
     if described is None:
@@ -57,7 +57,8 @@ def own_metrics(system: str, taken: frozenset[str]) -> tuple[Metric, ...]:
 
 
 def own_digest(system: str) -> str:
-    """Eight hex digits that change with how a system's own metrics are computed; empty without."""
+    """Returns eight hex digits that change with the computation of a system's own metrics; empty
+    if there are none."""
     described = _system(system)
     if described is None or not described.metrics:
         return ""
@@ -98,7 +99,7 @@ def _metric(key: str, item: OwnMetric) -> Metric:
 
 
 def value_of(item: OwnMetric, run: RunData) -> Value:
-    """What the declaration says of this run's events; None where there is nothing to take."""
+    """Computes the declared metric from this run's events; None if there are no values."""
     events = run.log.of(item.event, node=item.node)
     chosen = [event for event in events if fits(item, event)]
     if item.take == "count":
@@ -110,7 +111,7 @@ def value_of(item: OwnMetric, run: RunData) -> Value:
 
 
 def fits(item: OwnMetric, event: Event) -> bool:
-    """Whether an event is one of those that the declaration asks for."""
+    """Returns whether an event matches the conditions of the declaration."""
     wanted = all(event.get(name) in _list(value) for name, value in item.where.items())
     return wanted and not any(event.get(name) in _list(v) for name, v in item.unless.items())
 
@@ -120,7 +121,8 @@ def _list(value: object) -> list[object]:
 
 
 def _seconds(item: OwnMetric, events: list[Event], end_s: float | None) -> float | None:
-    """Playback from each event that fits until the next event of this type: time in a state."""
+    """Sums playback time from each matching event to the next event of this type: time in a
+    state."""
     if not events or end_s is None:
         return None
     times = [event["t_ns"] / 1e9 for event in events]

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""CPU as share of a whole device, as `top` and papers about small boards print it."""
+"""CPU use as a share of the whole device, as `top` and papers about small boards report it."""
 
 from slambed.records.kept_spec import KeptSpec
 from slambed.records.manifest import Manifest
@@ -7,11 +7,11 @@ from slambed.spec.system import Role
 
 
 def device_cores(spec: KeptSpec, manifest: Manifest, role: Role) -> float | None:
-    """Cores of the whole device, in those that its CPU time is counted in; None where unlimited.
+    """Returns the cores of the whole device, in the unit of its CPU time; None if unlimited.
 
-    Virtual: the cores of its cost model. Live at its pace: those, in CPUs of the host. Else live:
-    the CPU quota that the kernel granted, which is what
-    all cores of the emulated board are worth on this host.
+    Virtual: the cores of its cost model. Live at its pace: those cores, converted to host CPUs.
+    Other live runs: the granted CPU quota, which equals all cores of the emulated board on this
+    host.
     """
     if spec.is_virtual:
         cores = spec.model_cores(role)
@@ -26,5 +26,5 @@ def device_cores(spec: KeptSpec, manifest: Manifest, role: Role) -> float | None
 
 
 def share_of_device(percent_of_core: float | None, cores: float | None) -> float | None:
-    """Percent of the whole device."""
+    """Returns percent of the whole device."""
     return percent_of_core / cores if percent_of_core is not None and cores else None

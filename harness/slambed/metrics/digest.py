@@ -1,18 +1,19 @@
 # SPDX-License-Identifier: Apache-2.0
-"""One number for everything that a run measured."""
+"""One digest over all results of a run."""
 
 import hashlib
 from pathlib import Path
 
 MOBILE_FILES = ("trajectory.txt", "trajectory_live.txt", "map.slm")
-"""What the mobile node leaves beside its events."""
+"""Files of the mobile node besides its events."""
 
 
 def digest(folder: Path) -> str:
-    """SHA-256 over names and bytes of what a run measured, in its raw folder or its result.
+    """Returns SHA-256 over names and bytes of the results of a run, in its raw folder or its stored
+    result.
 
-    Summary, tables and trajectories; circumstances (manifest, logs) are left out, so equal virtual
-    runs have equal digests.
+    It covers summary, tables and trajectories but not the circumstances (manifest, logs), so
+    identical virtual runs have equal digests.
     """
     files = [folder / "summary.json", *folder.glob("*.parquet")]
     files += [place / name for place in (folder, folder / "mobile") for name in MOBILE_FILES]

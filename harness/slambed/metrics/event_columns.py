@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Rows of events, samples and link series as columns of a fixed schema (docs/results.md)."""
+"""Converts events, samples and link series to columns of a fixed schema
+(docs/reference/parquet.md)."""
 
 import json
 from collections.abc import Iterable, Sequence
@@ -38,7 +39,7 @@ SAMPLE_COLUMNS: Columns = {
 LINK_COLUMNS: Columns = {"t_s": _F, "series": _S, "value": _F}
 
 EXTRA_COLUMN = "extra"
-"""Fields of an event that the schema does not know, as one JSON object: nothing is lost."""
+"""Event fields outside the schema, as one JSON object, so that no data is lost."""
 
 LARGEST = (1 << 63) - 1
 
@@ -48,13 +49,13 @@ _FITTING: dict[pa.DataType, frozenset[type]] = {
     _S: frozenset({str, type(None)}),
     _B: frozenset({bool, type(None)}),
 }
-"""Types that Arrow takes as they are."""
+"""Types that Arrow accepts without conversion."""
 
 
 def table_of(
     rows: Sequence[Event], columns: Columns, problems: list[str], extra: bool = False
 ) -> pa.Table:
-    """Columns of the schema in its order; a value of the wrong type becomes null and is
+    """Returns the columns of the schema in order; values of a wrong type become null and are
     reported."""
     values: dict[str, list[object]] = {}
     unknown: list[str | None] = [None] * len(rows)
@@ -82,7 +83,7 @@ def table_of(
 
 
 def table_of_frame(frame: pd.DataFrame, columns: Columns, problems: list[str]) -> pa.Table:
-    """The same of a data frame."""
+    """Converts a data frame likewise."""
     schema = pa.schema(list(columns.items()))
     try:
         table = pa.Table.from_pandas(frame[list(columns)], schema, preserve_index=False)
@@ -93,7 +94,7 @@ def table_of_frame(frame: pd.DataFrame, columns: Columns, problems: list[str]) -
 
 
 def frame_of(rows: Sequence[Event], columns: Columns) -> pd.DataFrame:
-    """Rows as a data frame of the schema; what is of the wrong type is null."""
+    """Returns rows as a data frame of the schema; values of a wrong type become null."""
     return pd.DataFrame(table_of(rows, columns, []).to_pandas())
 
 
@@ -102,7 +103,7 @@ def _array(name: str, values: list[object], kind: pa.DataType, problems: list[st
         try:
             return pa.array(values, kind, from_pandas=kind == _F)
         except (OverflowError, pa.ArrowException):
-            pass  # a number too large for it: found below
+            pass  # a number out of range, handled below
     good = [_coerce(value, kind) for value in values]
     if wrong := _count_wrong(values, good):
         problems.append(f"column {name}: {wrong} values of the wrong type, dropped")
@@ -110,7 +111,7 @@ def _array(name: str, values: list[object], kind: pa.DataType, problems: list[st
 
 
 def _count_wrong(values: Iterable[object], good: Iterable[object]) -> int:
-    """NaN is "not measured", not wrong."""
+    """NaN means "not measured" and is not counted as wrong."""
     pairs = zip(values, good, strict=True)
     return sum(v is not None and g is None and v == v for v, g in pairs)
 

@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The event log of a run in memory, read from events.jsonl: forgiving, but never silently."""
+"""The event log of a run in memory, read from events.jsonl: tolerant of errors, but reporting
+them."""
 
 import json
 from collections import defaultdict
@@ -15,16 +16,16 @@ Event = dict[str, Any]
 
 NODES = ("mobile", "edge")
 HARNESS = "harness"
-"""Its events are the faults that it made happen."""
+"""Pseudo-node whose events are the injected faults."""
 
 
 @dataclass
 class EventLog:
-    """Events of all nodes in order of run time; every event has `node`, `t_ns` and `type`."""
+    """Events of all nodes, sorted by run time; every event has `node`, `t_ns` and `type`."""
 
     events: list[Event] = field(default_factory=list)
     problems: list[str] = field(default_factory=list)
-    """What could not be read, one line each: reported in the report, never fatal."""
+    """Read errors, one line each; they are reported and never fatal."""
 
     def __post_init__(self) -> None:
         self._by_type: dict[str, list[Event]] = defaultdict(list)
@@ -33,15 +34,15 @@ class EventLog:
         self._stages: dict[tuple[str, str], list[Event]] | None = None
 
     def of(self, *types: str, node: str | None = None) -> list[Event]:
-        """Events of these types in order of time, of one node if named."""
+        """Returns events of these types in order of time, optionally of one node."""
         found = [event for kind in types for event in self._by_type.get(kind, [])]
         if len(types) > 1:
             found.sort(key=lambda event: event["t_ns"])
         return [e for e in found if e["node"] == node] if node else found
 
     def stages(self, node: str, *names: str) -> list[Event]:
-        """Timed stages of these names on a node, one name after the other; most events are stages,
-        so that each is looked at once."""
+        """Returns the timed stages of these names on a node, grouped by name. Uses an index
+        because most events are stages."""
         if self._stages is None:
             self._stages = defaultdict(list)
             for event in self._by_type.get("stage", ()):
@@ -50,16 +51,17 @@ class EventLog:
 
 
 def read_jsonl(path: Path) -> tuple[list[Event], list[str]]:
-    """Objects of a JSON-lines file, and what was wrong with it.
+    """Returns the objects of a JSON-lines file, and its problems.
 
-    A last line cut by a kill is normal and named so; a bad line elsewhere is skipped and counted.
+    A last line truncated by a kill is normal and reported as such; other bad lines are skipped and
+    counted.
     """
     try:
         data = path.read_bytes()
     except OSError as error:
         return [], [f"{path.name}: cannot be read ({error.strerror})"]
     lines = _lines_of(data)
-    torn_end = lines.pop()  # what follows the last line end
+    torn_end = lines.pop()  # what follows the last newline
     objects: list[Event] = []
     bad = 0
     for line in lines:
@@ -81,7 +83,7 @@ def read_jsonl(path: Path) -> tuple[list[Event], list[str]]:
 
 
 def _lines_of(data: bytes) -> list[str] | list[bytes]:
-    """As text where all of it is; a line that is not must not cost the others."""
+    """Splits as text if possible; a line that is not UTF-8 must not invalidate the others."""
     try:
         return data.decode().split("\n")
     except UnicodeDecodeError:
@@ -92,8 +94,8 @@ _DECODER = json.JSONDecoder()
 
 
 def parse_line(line: str | bytes) -> Event | None:
-    """The object of a line, None for anything else. What a node writes begins and ends at the
-    braces, which saves the decoder looking for blanks around it."""
+    """Returns the object in a line, None for anything else. Lines of a node start and end with
+    braces, which allows a fast path without whitespace handling."""
     try:
         if isinstance(line, str) and line.startswith("{"):
             value, end = _DECODER.raw_decode(line)
@@ -106,7 +108,7 @@ def parse_line(line: str | bytes) -> Event | None:
 
 
 def read_events(raw_dir: Path, nodes: Iterable[str] = NODES) -> EventLog:
-    """Reads `<raw_dir>/<node>/events.jsonl` of every node that left one, and the faults."""
+    """Reads `<raw_dir>/<node>/events.jsonl` of every node that wrote one, and the faults."""
     events: list[Event] = []
     problems: list[str] = []
     logs = {node: raw_dir / node / "events.jsonl" for node in nodes}

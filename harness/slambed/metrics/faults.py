@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What went wrong on purpose in a run, from its events."""
+"""The injected faults of a run, from its events."""
 
 from collections.abc import Iterable
 from dataclasses import dataclass
@@ -11,13 +11,13 @@ NS_PER_S = 1e9
 
 @dataclass(frozen=True)
 class Span:
-    """One fault from its beginning to its end, in seconds of run time."""
+    """One fault from begin to end, in seconds of run time."""
 
     fault: str
     target: str
     begin_s: float
     end_s: float | None
-    """None: it lasted to the end of the run."""
+    """None: until the end of the run."""
 
     def __str__(self) -> str:
         end = "" if self.end_s is None else f"{self.end_s:.1f}"
@@ -25,7 +25,7 @@ class Span:
 
 
 def spans(events: Iterable[Event]) -> list[Span]:
-    """From `fault_began` and `fault_ended`, in order of their beginning."""
+    """Pairs `fault_began` and `fault_ended` events; returns spans sorted by begin."""
     found: list[Span] = []
     for event in events:
         t_s = event["t_ns"] / NS_PER_S
@@ -40,5 +40,6 @@ def spans(events: Iterable[Event]) -> list[Span]:
 
 
 def faults_in_words(events: Iterable[Event]) -> str | None:
-    """In a word for the summary: `kill 10.0-12.4, cut 20.0-25.0`; None when nothing was done."""
+    """Returns the faults as text for the summary: `kill 10.0-12.4, cut 20.0-25.0`; None without
+    faults."""
     return ", ".join(map(str, spans(events))) or None

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Error of the pose that the mobile had when a frame came: a late one is judged by where the camera
-is by then, not by where it was (INFOCOM 2020, Figure 5)."""
+"""Error of the pose known to the mobile node when a frame arrives: a late pose is compared with
+the current position of the camera (INFOCOM 2020, Figure 5)."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,14 +16,15 @@ Floats = NDArray[np.float64]
 def error_in_force_m_mean(
     log: EventLog, live: Trajectory, truth: Trajectory, alignment: Alignment
 ) -> float | None:
-    """Mean distance of the newest pose known at each frame's time to the truth of that time.
+    """Returns the mean distance between the newest pose known at each frame's time and the true
+    pose at that time.
 
-    Frames before the first pose of the path count nowhere, those while lost do: the pose before the
-    loss is what there is. None where no event reports when poses were known.
+    Frames before the first pose of the path do not count. Frames without tracking do, with the last
+    pose before the loss. None if no event reports when poses became known.
     """
     placed = _placed(log)[-len(live) :]
     seq_s = _sequence_times_s(log)
-    # A reset clears path and poses alike, so the last events are those of the path.
+    # A reset clears both the path and the poses, so the last events belong to the path.
     if not len(live) or len(placed) < len(live) or placed[-1]["frame"] not in seq_s:
         return None
     known_s = np.array([event["t_ns"] for event in placed]) / 1e9
@@ -42,8 +43,8 @@ def error_in_force_m_mean(
 
 
 def _reports(log: EventLog) -> list[Event]:
-    """What reports when the mobile had a pose: answers where frames have them, else its
-    tracking."""
+    """Returns the events that report poses to the mobile node: answers if there are any, else
+    its tracking."""
     return log.of("frame_answered", node="mobile") or log.of("frame_tracked", node="mobile")
 
 
@@ -52,15 +53,15 @@ def _placed(log: EventLog) -> list[Event]:
 
 
 def _sequence_times_s(log: EventLog) -> dict[int, float]:
-    """By frame, of all that playback offered; answers name the frame alone."""
+    """Returns the sequence time of each offered frame; answers contain only the frame number."""
     frame_events = log.of("frame_tracked", "frame_dropped", "frame_sent")
     whole = (event for event in frame_events if "frame" in event and "seq_s" in event)
     return {event["frame"]: float(event["seq_s"]) for event in whole}
 
 
 def _offered_s(log: EventLog, seq_s: dict[int, float]) -> dict[int, float]:
-    """Run time of every frame. In real time that is its sequence time; where playback waits for
-    tracking, frames come later than that, and none is dropped."""
+    """Returns the run time of each frame. In real time it equals the sequence time. If playback
+    waits for tracking, frames come later and none is dropped."""
     found = dict(seq_s)
     for event in log.of("frame_sent", node="mobile"):
         if event.get("frame") in found:
@@ -72,7 +73,7 @@ def _offered_s(log: EventLog, seq_s: dict[int, float]) -> dict[int, float]:
 
 
 def _spent_s(event: Event) -> float:
-    """From a frame's time until this event."""
+    """Returns the time from a frame's arrival to this event."""
     latency = event.get("latency_ms")
     if latency is None:
         latency = event.get("track_ms", 0.0) + event.get("wait_ms", 0.0)

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Relative errors per path length, as KITTI's benchmark has them (Geiger et al., CVPR 2012): every
-tenth pose begins parts of 100, 200, ... 800 m of the true path."""
+"""Relative errors per path length as in KITTI's benchmark (Geiger et al., CVPR 2012): segments
+of 100, 200, ... 800 m of the true path start at every tenth pose."""
 
 from dataclasses import dataclass
 
@@ -13,24 +13,25 @@ from slambed.metrics.association import associate
 
 LENGTHS_M = tuple(range(100, 801, 100))
 SHORT_LENGTHS_M = tuple(range(10, 81, 10))
-"""A tenth, for paths on which the benchmark's shortest part has no room; numbers of their own."""
+"""A tenth of these lengths, for paths shorter than the benchmark's shortest segment; reported as
+separate metrics."""
 EVERY = 10
-"""Poses from one beginning to the next, as in the benchmark's own program."""
+"""Poses between two segment starts, as in the benchmark's own program."""
 
 
 @dataclass(frozen=True)
 class KittiError:
-    """Means over all parts of all lengths."""
+    """Means over all segments of all lengths."""
 
     translation_percent: float
     rotation_deg_per_m: float
     short: bool
-    """Of parts of SHORT_LENGTHS_M."""
+    """True for segments of SHORT_LENGTHS_M."""
 
 
 def kitti_error(estimate: Trajectory, truth: Trajectory) -> KittiError | None:
-    """Of an estimate in meters; None where no part was driven with poses at both ends. The whole
-    true path says which parts there are, so that who loses the camera early has no others."""
+    """Evaluates an estimate in meters; None if no segment has poses at both ends. The complete
+    true path determines the segment lengths, so that an early track loss does not change them."""
     own, true = associate(estimate, truth)
     if len(own) < 2:
         return None
@@ -46,7 +47,7 @@ def kitti_error(estimate: Trajectory, truth: Trajectory) -> KittiError | None:
     step_own = back_own.apply(own.positions_m[end] - own.positions_m[start])
     turn_true = product(back_true, turns_true[end])
     turn = product(turn_true.inv(), product(back_own, turns_own[end])).magnitude()
-    # The error motion is a motion seen from the true end: its length is that of the difference.
+    # The error motion is relative to the true end pose: its length equals that of the difference.
     away_m = np.linalg.norm(step_own - step_true, axis=1)
     return KittiError(
         translation_percent=float(100 * np.mean(away_m / length_m)),
@@ -58,7 +59,7 @@ def kitti_error(estimate: Trajectory, truth: Trajectory) -> KittiError | None:
 def _parts(
     driven_m: NDArray[np.float64], lengths_m: tuple[int, ...]
 ) -> tuple[NDArray[np.intp], NDArray[np.intp], NDArray[np.float64]]:
-    """First and last pose of each part, and the length that it is of."""
+    """Returns first and last pose and the nominal length of each segment."""
     starts = np.arange(0, len(driven_m), EVERY)
     start, wanted = (a.ravel() for a in np.meshgrid(starts, lengths_m, indexing="ij"))
     end = np.searchsorted(driven_m, driven_m[start] + wanted, side="right")

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Why tracking was lost: each loss of a run with what came before it, and a cause."""
+"""Why tracking was lost: each loss of a run with the preceding events and a cause."""
 
 from dataclasses import dataclass
 from enum import StrEnum
@@ -7,23 +7,25 @@ from enum import StrEnum
 from slambed.metrics.events import Event, EventLog
 
 EVENTS = ("frame_tracked", "frame_dropped", "update_applied", "relocalized")
-"""Types that a loss is explained with."""
+"""Event types that explain a loss."""
 
 STANDSTILL_FRAMES = 2
-"""From so many on the motion model, which counts frames and not time, looks in the wrong place."""
+"""With this many missing frames the motion model, which counts frames instead of time, predicts
+a wrong pose."""
 STANDSTILL_REACH = 3
-"""The lost frame and the two tracked before it: a rescued frame leaves a wrong velocity behind."""
+"""Checks the lost frame and the two tracked before it: a rescued frame leaves a wrong velocity
+behind."""
 BEHIND_UPDATE_S = 0.5
 JUST_FOUND_S = 1.0
-"""After a relocalization ORB-SLAM2's tracking asks for 50 inliers instead of 30 for a second."""
+"""For one second after a relocalization ORB-SLAM2 requires 50 inliers instead of 30."""
 MOTION_MATCHES, REFERENCE_MATCHES, INLIERS, INLIERS_FOUND = 20, 15, 30, 50
-"""What ORB-SLAM2's tracking asks for."""
+"""Thresholds of ORB-SLAM2's tracking."""
 USUAL_FEATURES = 0.5
-"""A picture with a smaller share of the usual features shows little."""
+"""A frame with a smaller share of the usual number of features has little texture."""
 
 
 class Cause(StrEnum):
-    """What a loss followed from; the first one that fits."""
+    """Causes of a loss; the first matching one applies."""
 
     JUST_FOUND = "relocalization failed"
     STANDSTILL = "standstill"
@@ -33,34 +35,35 @@ class Cause(StrEnum):
 
 @dataclass(frozen=True)
 class TrackLoss:
-    """The frame that lost track; None: the events do not report."""
+    """The frame at which track was lost; None: not reported by the events."""
 
     seq_s: float
     t_s: float
     frame: int | None
     last_frame: int | None
-    """The last one with a pose."""
+    """The last frame with a pose."""
     cause: Cause
     missing_frames: int
-    """Before it or one of the two frames tracked before, the largest number."""
+    """Maximum number of missing frames before this frame or one of the two frames tracked before
+    it."""
     update_s: float | None
-    """How long before it the last map update became the local map."""
+    """Time since the last map update was applied."""
     update_pause_ms: float | None
-    """How long tracking stood still for that."""
+    """How long that update blocked tracking."""
     gap_keyframes: int | None
-    """Local keyframes that the update took away."""
+    """Keyframes that the update removed from the local map."""
     found_s: float | None
-    """Since tracking was found again."""
+    """Time since the last relocalization."""
     inliers: int | None
     motion_matches: int | None
     word_matches: int | None
     reference_matches: int | None
     features_share: float | None
-    """Features of the frame by those of the usual frame."""
+    """Number of features relative to the median frame."""
 
 
 def losses_of(log: EventLog) -> list[TrackLoss]:
-    """All losses of a run in order; a camera that was never found loses nothing."""
+    """Returns all losses of a run in order; there are none before the first pose."""
     frames = log.of("frame_tracked")
     dropped = [int(event["t_ns"]) for event in log.of("frame_dropped")]
     losses: list[TrackLoss] = []
@@ -119,7 +122,8 @@ def _last(events: list[Event], until_ns: int) -> Event | None:
 
 
 def _missing(frames: list[Event], place: int, dropped: list[int]) -> int:
-    """Frames between this one and the one tracked before it; older runs report only the drops."""
+    """Returns the number of frames between this frame and the previous tracked one; older runs
+    report only the drops."""
     if (reported := frames[place].get("missing_frames")) is not None:
         return int(reported)
     begin, end = int(frames[place - 1]["t_ns"]), int(frames[place]["t_ns"])
@@ -127,7 +131,7 @@ def _missing(frames: list[Event], place: int, dropped: list[int]) -> int:
 
 
 def sentence(loss: TrackLoss) -> str:
-    """Why, in one sentence."""
+    """Explains the loss in one sentence."""
     return f"{_reason(loss)}; {_search(loss)}" if _search(loss) else _reason(loss)
 
 
@@ -159,7 +163,7 @@ def _update(loss: TrackLoss) -> str:
 
 
 def _search(loss: TrackLoss) -> str:
-    """How far the search for its pose came."""
+    """Describes how far the pose search got."""
     ways = []
     if loss.motion_matches is not None:
         ways.append(

@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a number of a run is: key, type, unit, meaning, what would be worse, and who shows it."""
+"""The definition of a metric: key, type, unit, meaning, which direction is better, and where it
+is shown."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
@@ -20,35 +21,35 @@ PYTHON_TYPES: dict[ValueType, tuple[type, ...]] = {
 
 
 class Use(Flag):
-    """Where a report takes a metric without being asked for it."""
+    """Where a report uses a metric by default."""
 
     ASKED = 0
-    """Only where an experiment asks for it."""
+    """Only on request of an experiment."""
     SHOWN = auto()
-    """In the tables of every experiment, after what the experiment asks for."""
+    """In the tables of every experiment, after the requested metrics."""
     DRAWN = auto()
-    """A figure of its own, after those that the experiment asks for."""
+    """In its own figure, after the requested ones."""
     TESTED = auto()
-    """Between the systems of an experiment that names no metrics."""
+    """Tested between the systems of an experiment that names no metrics."""
     GATED = auto()
-    """By the nightly regression gate."""
+    """Checked by the nightly regression gate."""
 
 
 @dataclass(frozen=True)
 class Metric:
-    """One key of summary.json: how it comes about, and how tables and figures show it."""
+    """One key of summary.json: how it is computed and shown."""
 
     key: str
     doc: str
-    """Meaning, for docs/formats.md."""
+    """Meaning, for docs/reference/summary.md."""
     function: Function | None = field(default=None, compare=False)
-    """Its value for a run, None where it cannot be measured; without a function: what decides
-    about the run (`outcome`, `valid`) or names it."""
+    """Computes the value for a run, None if it cannot be measured. Keys that judge the run
+    (`valid`) have no function."""
     label: str = ""
     unit: str = ""
-    """Of the stored value."""
+    """Unit of the stored value."""
     shown: str = ""
-    """In which it is shown, where that is another one."""
+    """Unit in tables and figures, if it differs."""
     scale: float = 1.0
     """Shown value = scale * stored value."""
     digits: int = 1
@@ -58,13 +59,13 @@ class Metric:
     """The regression gate ignores a change of the median that is smaller than this share of the
     baseline ..."""
     relevant_step: float = 0.0
-    """... or smaller than this (in the stored unit)."""
+    """... or smaller than this value (in the stored unit)."""
     type: ValueType = "number"
     use: Use = Use.ASKED
 
     @property
     def shown_unit(self) -> str:
-        """The unit of tables and figures."""
+        """Unit in tables and figures."""
         return self.shown or self.unit
 
     @property
@@ -74,36 +75,36 @@ class Metric:
 
     @property
     def name(self) -> str:
-        """The label, else the key in words."""
+        """The label, or else the key as words."""
         return self.label or self.key.replace("_", " ")
 
     @property
     def title(self) -> str:
-        """The name at the beginning of a line."""
+        """The name with an initial capital."""
         return self.name[0].upper() + self.name[1:]
 
     @property
     def look(self) -> str:
-        """All that decides how it is shown."""
+        """Everything that determines how the metric is shown."""
         return f"{self.heading} {self.scale} {self.digits} {self.better} {self.kind}"
 
     @property
     def stored_type(self) -> str:
-        """As docs/formats.md says it."""
+        """Type name in docs/reference/summary.md."""
         return {"number": "float", "count": "int", "flag": "bool", "text": "str"}[self.type]
 
     @property
     def largest_shown(self) -> float:
-        """The end of the scale: fractions of 0 to 1 are shown in percent."""
+        """Upper end of the scale: shares of 0 to 1 are shown in percent."""
         return 100.0 if self.shown == "%" and self.scale == 100 else float("inf")
 
     @property
     def is_number(self) -> bool:
-        """Flags count as the share of runs that have them."""
+        """True except for text; a flag counts as the share of runs that have it."""
         return self.type != "text"
 
     def accepts(self, value: object) -> bool:
-        """Whether a stored value is of this metric's type; null always is."""
+        """Returns whether a stored value has this metric's type; null always does."""
         if value is None:
             return True
         if self.type != "flag" and isinstance(value, bool):
@@ -111,7 +112,7 @@ class Metric:
         return isinstance(value, PYTHON_TYPES[self.type])
 
     def show(self, value: float | None) -> str:
-        """The value in the shown unit; a dash when not measured."""
+        """Formats the value in the shown unit; a dash if it was not measured."""
         if value is None or value != value:
             return "-"
         if value == float("inf"):

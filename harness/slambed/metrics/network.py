@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What crossed the link, and whether the link delayed it as asked."""
+"""Traffic over the link, and how accurately the link applied its delay."""
 
 from dataclasses import dataclass
 
@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from slambed.metrics.events import EventLog
 
 Floats = NDArray[np.float64]
-MINIMUM_PROBES = 20  # one second of probing; fewer prove nothing
+MINIMUM_PROBES = 20  # one second of probing; fewer are not significant
 
 
 @dataclass(frozen=True)
@@ -27,7 +27,7 @@ class Traffic:
 
 
 def traffic(log: EventLog) -> list[Traffic]:
-    """Bytes per message type, as the receiver counted them."""
+    """Returns bytes per message type, as counted by the receiver."""
     groups: dict[tuple[str, str, str], list[int]] = {}
     dropped: dict[tuple[str, str, str], int] = {}
     for e in log.of("message"):
@@ -44,7 +44,7 @@ def traffic(log: EventLog) -> list[Traffic]:
 
 
 def bytes_moved(log: EventLog) -> dict[str, int | None]:
-    """Bytes `up` and `down`; None when the log has no message at all."""
+    """Returns bytes `up` and `down`; None if the log has no messages."""
     table = traffic(log)
     if not table:
         return {"up": None, "down": None}
@@ -53,7 +53,7 @@ def bytes_moved(log: EventLog) -> dict[str, int | None]:
 
 @dataclass(frozen=True)
 class RttFigures:
-    """Measured against asked round-trip time over playback, milliseconds; None: not measured."""
+    """Measured and commanded RTT over playback, in milliseconds; None: not measured."""
 
     asked_mean: float | None
     measured_mean: float | None
@@ -66,13 +66,13 @@ NO_RTT_FIGURES = RttFigures(None, None, None, None, 0)
 
 
 def series(link: pd.DataFrame, name: str) -> pd.DataFrame:
-    """One series of the link log (t_s, value), in order of time."""
+    """Returns one series of the link log (t_s, value), sorted by time."""
     chosen = link.loc[link["series"] == name, ["t_s", "value"]].dropna()
     return chosen.sort_values("t_s", kind="stable")
 
 
 def curve(link: pd.DataFrame, name: str) -> tuple[Floats, Floats]:
-    """The same as two arrays: times and values."""
+    """Returns the same series as two arrays: times and values."""
     rows = np.flatnonzero((link["series"] == name).to_numpy(bool))
     t_s = link["t_s"].to_numpy(np.float64)[rows]
     values = link["value"].to_numpy(np.float64)[rows]
@@ -83,7 +83,7 @@ def curve(link: pd.DataFrame, name: str) -> tuple[Floats, Floats]:
 
 
 def measured_only(link: pd.DataFrame, end_s: float | None) -> RttFigures:
-    """Of a real network, of which nobody asked anything."""
+    """Returns the figures of a real network, which has no commanded RTT."""
     sent_s, measured = curve(link, "probe_rtt_ms")
     during = sent_s >= 0.0
     if end_s is not None:
@@ -94,11 +94,11 @@ def measured_only(link: pd.DataFrame, end_s: float | None) -> RttFigures:
 
 
 def rtt_figures(link: pd.DataFrame, base_rtt_ms: float, end_s: float | None) -> RttFigures | None:
-    """Compares each probe with the RTT asked for during its flight plus the base RTT.
+    """Compares each probe with the RTT commanded during its flight plus the base RTT.
 
-    Half the RTT is set when the probe leaves and half when it turns round, half an RTT later: for a
-    changing latency that is the asked RTT a quarter of the RTT after sending.
-    None when there is nothing to compare (no profile, or hardly any probe).
+    Half of the RTT is set when the probe leaves and half when it turns around, half an RTT later.
+    For a changing latency this is the commanded RTT a quarter of the RTT after sending. Returns
+    None if there is nothing to compare (no profile, or too few probes).
     """
     asked_s, asked = curve(link, "asked_rtt_ms")
     sent_s, measured = curve(link, "probe_rtt_ms")

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The Parquet files of a result (docs/results.md lists every column)."""
+"""Writes the Parquet files of a result (docs/reference/parquet.md lists every column)."""
 
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -20,17 +20,17 @@ from slambed.metrics.run_data import RunData
 
 @dataclass
 class Collected:
-    """What was written, and what was wrong with the raw files (one line each)."""
+    """The written files, and problems of the raw files (one line each)."""
 
     written: list[Path] = field(default_factory=list)
     problems: list[str] = field(default_factory=list)
 
 
 def to_parquet(run: RunData, out_dir: Path) -> Collected:
-    """Writes events.parquet, samples.parquet and, where there was a link, link.parquet.
+    """Writes events.parquet, samples.parquet and, if there was a link, link.parquet.
 
-    Of what the metrics have read: raw files are parsed once. Torn or foreign lines are dropped and
-    reported. Raises SlambedError when `out_dir` cannot be written.
+    It uses the data already read for the metrics, so raw files are parsed once. Truncated and
+    malformed lines are dropped and reported. Raises SlambedError if `out_dir` cannot be written.
     """
     result = Collected()
     events, samples, link = run.log.events, run.samples, run.link

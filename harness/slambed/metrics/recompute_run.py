@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The numbers of a stored run once more, from its events: after a metric or a true path changed."""
+"""Recomputes the metrics of a stored run from its events, after a metric or the ground truth
+changed."""
 
 import json
 from collections.abc import Mapping
@@ -15,10 +16,10 @@ from slambed.records.manifest import FILE, Manifest
 
 
 def recompute_run(folder: Path, groundtruth: Path | None) -> list[str]:
-    """Writes summary.json and the manifest's digest of a result anew; the keys that changed.
+    """Rewrites summary.json and the manifest's digest of a result; returns the changed keys.
 
-    Equal to what a run made today would say of the same raw files. Raises SlambedError, and leaves
-    everything as it is, where the events or the manifest cannot be read.
+    The result equals that of the same raw files in a run executed now. Raises SlambedError, and
+    changes nothing, if the events or the manifest cannot be read.
     """
     manifest, old = Manifest.read(folder / FILE), Summary.read(folder / "summary.json")
     if manifest is None or old is None or manifest.spec is None:
@@ -32,7 +33,7 @@ def recompute_run(folder: Path, groundtruth: Path | None) -> list[str]:
     _replace(folder / "summary.json", new)
     warnings = list(manifest.warnings or [])
     warnings += [line for line in problems if line not in warnings]
-    # The file, not the record: what another version wrote besides stays.
+    # Edits the file instead of the record, to keep fields of other versions.
     before = read_object(folder / FILE) or {}
     facts = before | {"warnings": warnings, "results_sha256": digest(folder)}
     if facts != before:
@@ -41,6 +42,6 @@ def recompute_run(folder: Path, groundtruth: Path | None) -> list[str]:
 
 
 def _replace(path: Path, content: Mapping[str, object]) -> None:
-    """By one rename: a kill leaves the old file or the new one."""
+    """Writes atomically: a kill leaves the old or the new file."""
     with replacing(path) as out:
         out.write_text(json.dumps(content, indent=1, allow_nan=False) + "\n")

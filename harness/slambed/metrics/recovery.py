@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What map updates and losses cost in frames and time (IJNC 15(2), 2025, Sec. 4): frames processed,
-frames dropped while an update held tracking up, and how long a camera that is back at a place seen
-before waits to be found there."""
+"""The cost of map updates and losses in frames and time (IJNC 15(2), 2025, Sec. 4): frames
+processed, frames dropped while an update blocked tracking, and how long relocalization takes
+after the camera returned to a known place."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,11 +13,12 @@ from slambed.metrics.tracking import mean_of
 
 KNOWN_DISTANCE_M = 0.4
 KNOWN_ANGLE_DEG = 20.0
-"""A camera this near to where it was tracked before sees what the map has."""
+"""A camera this close to a pose that was tracked before sees mapped points."""
 
 
 def pause_ms_mean(log: EventLog, relocalization: bool) -> float | None:
-    """How long tracking stood still for a map sent for relocalization, or for another update."""
+    """Returns the mean time for which tracking was blocked, for maps sent for relocalization or
+    for other updates."""
     updates = log.of("update_applied")
     return mean_of(
         [e for e in updates if bool(e.get("relocalization")) == relocalization], "pause_ms"
@@ -25,8 +26,8 @@ def pause_ms_mean(log: EventLog, relocalization: bool) -> float | None:
 
 
 def frames_lost_to_updates(log: EventLog) -> int | None:
-    """Frames dropped while a map update held tracking up; None where the program does not
-    report."""
+    """Returns the number of frames dropped while a map update blocked tracking; None if not
+    reported."""
     held = [e for e in log.of("update_applied") if isinstance(e.get("pause_ms"), int | float)]
     if not held and log.of("update_applied"):
         return None
@@ -38,7 +39,7 @@ def frames_lost_to_updates(log: EventLog) -> int | None:
 
 
 def sequence_times_s(live: Trajectory, log: EventLog) -> NDArray[np.float64] | None:
-    """Sequence times of live poses: the last one is of the last frame that got one."""
+    """Returns the sequence times of live poses: the last pose belongs to the last tracked frame."""
     tracked = [event for event in log.of("frame_tracked") if event.get("state") == "ok"]
     if not tracked or not len(live):
         return None
@@ -47,11 +48,11 @@ def sequence_times_s(live: Trajectory, log: EventLog) -> NDArray[np.float64] | N
 
 
 def known_place_times_s(log: EventLog, live: Trajectory, truth: Trajectory) -> list[float]:
-    """Per loss in which the camera came back: from the first lost frame whose true pose is near one
-    tracked before until the next pose, or the last frame.
+    """Returns for each loss from which the camera returned: the time from the first lost frame near
+    a previously tracked pose to the next pose, or to the last frame.
 
-    The camera has to have been elsewhere in between: where it is lost it is near what it tracked
-    last. One that never leaves counts from its first lost frame.
+    The camera must have been elsewhere in between, because it is near the last tracked pose when
+    the loss occurs. If it never moves away, the time counts from the first lost frame.
     """
     times_s = sequence_times_s(live, log)
     frames = log.of("frame_tracked")
@@ -70,7 +71,8 @@ def known_place_times_s(log: EventLog, live: Trajectory, truth: Trajectory) -> l
 
 
 def _losses(frames: list[Event]) -> list[tuple[int, int]]:
-    """First lost frame, and the next with a pose (or the number of frames), of every loss."""
+    """Returns for each loss the first lost frame and the next one with a pose (or the number of
+    frames)."""
     found: list[tuple[int, int]] = []
     begin: int | None = None
     for i, frame in enumerate(frames):

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Error of a live path against another system's run, in one map frame and without alignment.
+"""Error of a live path relative to another system's run, in the same map frame and without
+alignment.
 
-CloudSLAM (SEC 2020, Sec. VII-A4) measures how far the poses it had at the time were from those that
-ORB-SLAM had at the time, both starting in the map of the trip before. An alignment would take away
-the very drift that this is about.
+CloudSLAM (SEC 2020, Sec. VII-A4) compares its live poses with those of ORB-SLAM, both starting in
+the map of the previous trip. An alignment would remove the drift that this metric measures.
 """
 
 from collections.abc import Mapping
@@ -22,9 +22,9 @@ from slambed.metrics.events import EventLog
 def error_to_reference(
     live: Trajectory, reference: Trajectory, max_difference_s: float = MAX_DIFFERENCE_S
 ) -> ErrorStatistics:
-    """Euclidean distance of poses of the same frame, in meters.
+    """Returns statistics of the Euclidean distance of poses of the same frame, in meters.
 
-    Raises SlambedError when no time stamps agree.
+    Raises SlambedError if no timestamps match.
     """
     own, other = associate(live, reference, max_difference_s)
     if not len(own):
@@ -37,7 +37,7 @@ def error_to_reference(
 
 @dataclass(frozen=True)
 class ReferenceErrors:
-    """RMSE of live poses to a reference path, in meters, and how many frames it is of."""
+    """RMSE of live poses relative to a reference path, in meters, and the number of frames."""
 
     rmse_m: float | None = None
     aligned_m: float | None = None
@@ -45,7 +45,8 @@ class ReferenceErrors:
 
 
 def reference_errors(live: Trajectory, reference: Trajectory) -> ReferenceErrors:
-    """Unaligned, and after one rigid alignment; nothing for a run without a scored pose."""
+    """Returns the error without and with one rigid alignment; empty for a run without a scored
+    pose."""
     if not len(live):
         return ReferenceErrors()
     plain = error_to_reference(live, reference)
@@ -57,9 +58,9 @@ def reference_errors(live: Trajectory, reference: Trajectory) -> ReferenceErrors
 
 
 def scored_part(live: Trajectory, log: EventLog) -> Trajectory:
-    """The poses that are in the frame of the reference: all, but of a system that aligns itself on
-    the way (state ALIGN, `trip_aligned`, `align_failed`) only those between each `trip_aligned` and
-    the next reset."""
+    """Returns the poses that are in the frame of the reference. For a system that aligns itself
+    during the run (state ALIGN, `trip_aligned`, `align_failed`) these are the poses between each
+    `trip_aligned` and the next reset; otherwise all."""
     changes = log.of("state_changed")
     aligning = any("ALIGN" in (event.get("from"), event.get("to")) for event in changes) or bool(
         log.of("trip_aligned", "align_failed")
@@ -75,11 +76,11 @@ def scored_part(live: Trajectory, log: EventLog) -> Trajectory:
 
 
 def reference_of(paths: Mapping[str, Trajectory]) -> str:
-    """Which of several runs of the reference system is the path to compare with (its run key).
+    """Returns the run key of the reference run to compare with.
 
-    The one whose distance to all others together is smallest, so that a run gone astray is never
-    chosen, and no ground truth is asked for. Equal ones: the first key. Runs that cannot be
-    compared with any other come last. Raises SlambedError without a run.
+    It is the run with the smallest median distance to all others, which excludes outliers and needs
+    no ground truth. Ties go to the first key; runs that cannot be compared with any other come
+    last. Raises SlambedError without a run.
     """
     if not paths:
         raise SlambedError("no run of the reference system, run it under the same conditions")

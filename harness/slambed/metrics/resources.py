@@ -12,7 +12,7 @@ Floats = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Resources:
-    """CPU in percent of one core; memory in MB; None where the counters were missing."""
+    """CPU in percent of one core; memory in MB; None if the counters were missing."""
 
     cpu_percent_mean: float | None
     cpu_percent_p50: float | None
@@ -20,21 +20,22 @@ class Resources:
     memory_mb_peak: float | None
     memory_mb_mean: float | None
     memory_mb_per_min: float | None
-    """Slope of the straight line through the samples."""
+    """Slope of the least-squares line through the samples."""
     throttled_ms: float | None
     throttled_share: float | None
     cpu_wait_share: float | None
-    """Of the time in which its threads wanted a processor and their limits allowed them one: what
-    they waited, for others or for each other."""
+    """Share of the time in which its threads were runnable within their limits that they spent
+    waiting, for other processes or for each other."""
     cpu_wait_ms: float | None
-    """The same in time, all threads together."""
+    """The same as a time, summed over all threads."""
 
 
 NOTHING = Resources(None, None, None, None, None, None, None, None, None, None)
 
 
 def resources_of(samples: pd.DataFrame, node: str, end_s: float | None) -> Resources:
-    """Of one node from run time 0 to `end_s`; CPU by the cumulative counter, not by averaging."""
+    """Evaluates one node from run time 0 to `end_s`; the mean CPU use comes from the cumulative
+    counter."""
     if samples.empty or "node" not in samples:
         return NOTHING
     own = _Rows(samples, node, end_s)
@@ -57,12 +58,13 @@ def resources_of(samples: pd.DataFrame, node: str, end_s: float | None) -> Resou
 
 
 def _waited_s(delay_s: float | None, throttled_s: float | None) -> float | None:
-    """Throttling counts as delay too on most kernels: it is the limits' doing, not the host's."""
+    """On most kernels the delay includes throttling, which is caused by the limits and not by
+    the host."""
     return None if delay_s is None else max(0.0, delay_s - (throttled_s or 0.0))
 
 
 class _Rows:
-    """The samples of one node over playback in order of time, column by column."""
+    """The samples of one node over playback, sorted by time, by column."""
 
     def __init__(self, samples: pd.DataFrame, node: str, end_s: float | None) -> None:
         t_s = samples["t_s"].to_numpy(np.float64)
@@ -75,7 +77,7 @@ class _Rows:
         self._t_s = t_s[self._rows]
 
     def column(self, name: str) -> Floats:
-        """What was measured of it."""
+        """Returns the measured values of a column."""
         if name not in self._samples:
             return np.zeros(0)
         values = self._samples[name].to_numpy(np.float64)[self._rows]
@@ -83,7 +85,7 @@ class _Rows:
         return measured
 
     def slope_per_min(self, name: str) -> float | None:
-        """Of the least-squares line through what was measured."""
+        """Returns the slope of the least-squares line through the measured values."""
         if name not in self._samples:
             return None
         values = self._samples[name].to_numpy(np.float64)[self._rows]
@@ -93,10 +95,10 @@ class _Rows:
         return 60.0 * float(np.polyfit(self._t_s[there], values[there], 1)[0])
 
     def increase(self, name: str) -> float | None:
-        """Of a counter from the first sample that has it to the last."""
+        """Returns the increase of a counter between its first and last sample."""
         values = self.column(name)
         return float(values[-1] - values[0]) if len(values) > 1 else None
 
     def span_s(self) -> float | None:
-        """From the first sample to the last."""
+        """Returns the time between the first and the last sample."""
         return float(self._t_s[-1] - self._t_s[0]) or None if len(self._t_s) > 1 else None

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""One run as its metrics see it, from its raw folder or its stored result; read when asked."""
+"""The data of one run for its metrics, from its raw folder or stored result; loaded lazily."""
 
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -49,12 +49,12 @@ from slambed.spec.board import NETWORK
 
 RPE_DELTA_S = 1.0
 REFERENCE_FILE = "reference.txt"
-"""In a run's folder: the path that its live one is compared with."""
+"""File in a run's folder: the path that the live path is compared with."""
 
 
 @dataclass(frozen=True)
 class Accuracy:
-    """How far the estimated path is from the true one; None: not known."""
+    """Errors of the estimated path relative to the ground truth; None: unknown."""
 
     ate_rmse_m: float | None = None
     ate_mean_m: float | None = None
@@ -77,29 +77,29 @@ class Accuracy:
 
 @dataclass
 class RunData:
-    """A run's folder, its RunSpec as JSON, and what was wrong with its files (`problems`).
+    """A run's folder, its RunSpec, and read errors (`problems`).
 
-    The true path is `groundtruth`, else `groundtruth.txt` of the folder, else that of the sequence
-    that was played.
+    The ground truth is `groundtruth`, else `groundtruth.txt` in the folder, else that of the played
+    sequence.
     """
 
     folder: Path
     spec: KeptSpec
     groundtruth: Path | None = None
     facts: Manifest | None = None
-    """The manifest, where it is not written yet."""
+    """The manifest, if its file is not written yet."""
     problems: list[str] = field(default_factory=list)
 
     @cached_property
     def manifest(self) -> Manifest:
-        """How the run ended and under which circumstances."""
+        """Outcome and circumstances of the run."""
         if self.facts is not None:
             return self.facts
         return Manifest.read_or_complain(self.folder / "manifest.json", self.problems)
 
     @cached_property
     def log(self) -> EventLog:
-        """Events of all nodes."""
+        """Events of all nodes, on the edge's clock."""
         log = read_log(self.folder)
         board = self.manifest.board
         if board is not None and board.clocks is not None and not is_stored(self.folder):
@@ -109,7 +109,7 @@ class RunData:
 
     @cached_property
     def samples(self) -> pd.DataFrame:
-        """What the sampler saw."""
+        """Samples of the sampler."""
         samples, complaints = read_samples(self.folder)
         self.problems += complaints
         return samples
@@ -123,7 +123,7 @@ class RunData:
 
     @property
     def measured(self) -> bool:
-        """Whether any event was written."""
+        """Whether there is any event."""
         return len(self.log.events) > 0
 
     @property
@@ -133,7 +133,7 @@ class RunData:
 
     @property
     def is_virtual(self) -> bool:
-        """True in virtual time: the link does what was asked by construction."""
+        """True in virtual time, where the link is exact by construction."""
         return self.spec.is_virtual
 
     @cached_property
@@ -144,7 +144,7 @@ class RunData:
 
     @property
     def outcome(self) -> str:
-        """How the system ended."""
+        """Outcome of the system."""
         return self.manifest.outcome or "completed"
 
     @cached_property
@@ -154,7 +154,8 @@ class RunData:
 
     @cached_property
     def frames_offered(self) -> int | None:
-        """By the plan of playback, which knows frames that the node never reported of."""
+        """Number of frames in the playback plan, which also counts frames that the node did not
+        report."""
         planned, playback = self.manifest.frames_offered, self.spec.playback
         stops = playback is not None and playback.stop_at_first_loss
         if planned is None or (stops and self.tracking.track_losses):
@@ -163,7 +164,8 @@ class RunData:
 
     @cached_property
     def frames_tracked(self) -> int | None:
-        """As the frame events say; of a system that writes none, the poses of its trajectory."""
+        """Number of tracked frames by the frame events; for a system without them, by the poses
+        of its trajectory."""
         if self.log.of("frame_tracked", "frame_dropped"):
             return self.tracking.frames_tracked
         if self.frames_offered is None:
@@ -174,7 +176,7 @@ class RunData:
 
     @property
     def coverage(self) -> float | None:
-        """Share of the offered frames that got a pose; a system that broke off has none."""
+        """Share of the offered frames with a pose; 0 if the system did not complete."""
         if self.outcome != "completed":
             return 0.0
         if not self.frames_offered or self.frames_tracked is None:
@@ -183,7 +185,7 @@ class RunData:
 
     @property
     def coverage_processed(self) -> float | None:
-        """Share of the offered frames that tracking took, whatever came of them."""
+        """Share of the offered frames that tracking processed, with or without a pose."""
         if self.spec.reads_folder:
             return None
         taken = len(self.log.of("frame_tracked"))
@@ -191,7 +193,7 @@ class RunData:
 
     @cached_property
     def host_steal_percent(self) -> float | None:
-        """Of the CPU time of all the host's processors, over playback."""
+        """Steal time as a percentage of the CPU time of all CPUs, over playback."""
         cores = self.manifest.cores
         if self.is_virtual or cores is None or "host_steal_s" not in self.samples:
             return None
@@ -208,7 +210,7 @@ class RunData:
     @cached_property
     def mobile(self) -> Resources:
         """CPU, memory and throttling of the mobile node."""
-        # Without a frame (mobile died early) the window is what the samples cover.
+        # Without a frame (the mobile node died early) the window covers all samples.
         return resources_of(self.samples, "mobile", self.end_s)
 
     @property
@@ -218,13 +220,13 @@ class RunData:
 
     @cached_property
     def edge(self) -> Resources:
-        """The same of the edge, nothing without one."""
+        """CPU, memory and throttling of the edge; empty without one."""
         return resources_of(self.samples, "edge", self.end_s) if self.has_edge else NOTHING
 
     @cached_property
     def bytes_moved(self) -> dict[str, int | None]:
-        """Bytes `up` and `down`; None without an edge. Of a system that reports no messages: what
-        the link carried, headers included."""
+        """Bytes `up` and `down`; None without an edge. For a system that logs no messages: bytes
+        carried by the link, including headers."""
         if not self.has_edge:
             return {"up": None, "down": None}
         moved = bytes_moved(self.log)
@@ -241,7 +243,7 @@ class RunData:
 
     @cached_property
     def rtt(self) -> RttFigures:
-        """Measured against asked RTT: the link's own comparison, else that of the logged series."""
+        """Measured and commanded RTT: from the link proof, or else from the logged series."""
         link = self.manifest.link or LinkFacts()
         measured = _figures_in_manifest(link.proof)
         if link.backend == NETWORK and self.link is not None:
@@ -252,7 +254,7 @@ class RunData:
 
     @cached_property
     def asked_rtt_ms_mean(self) -> float | None:
-        """What the profile asked for over playback, also where nothing was probed."""
+        """Mean RTT of the profile over playback, even without probes."""
         if self.rtt.asked_mean is not None or not self.is_virtual or self.link is None:
             return self.rtt.asked_mean
         times_s, asked = curve(self.link, "asked_rtt_ms")
@@ -262,7 +264,7 @@ class RunData:
 
     @cached_property
     def truth_file(self) -> Path | None:
-        """The true path that this run is judged by."""
+        """The ground truth file of this run."""
         candidates = [self.groundtruth, self.folder / "groundtruth.txt"]
         if self._sequence is not None:
             candidates.append(self._sequence / "groundtruth.txt")
@@ -274,7 +276,8 @@ class RunData:
         if self.truth_file is None:
             return Accuracy()
         truth = read_tum(self.truth_file)
-        # A single camera knows no scale: its path is judged up to one, and marked.
+        # The scale of a monocular system is unobservable, so its path is aligned with Sim3 and
+        # marked.
         free_scale = self.sensor == "mono"
         found: dict[str, Any] = {}
         estimate, live = self._trajectory("trajectory.txt"), self._trajectory("trajectory_live.txt")
@@ -302,7 +305,7 @@ class RunData:
         except SlambedError as error_line:
             self.problems.append(f"trajectory.txt: {error_line}")
         if self.spec.reads_folder:
-            return Accuracy(**found)  # poses as they were when a frame was tracked: nobody knows
+            return Accuracy(**found)  # live poses are unknown
         try:
             error = absolute_error(live, truth, with_scale=free_scale)
             found["ate_live_rmse_m"] = error.rmse
@@ -312,7 +315,7 @@ class RunData:
 
     @cached_property
     def reference(self) -> ReferenceErrors:
-        """Distance of the live path to that of the reference run, where there is one."""
+        """Distance of the live path to that of the reference run, if there is one."""
         if not (self.folder / REFERENCE_FILE).is_file():
             return ReferenceErrors()
         scored = scored_part(self._trajectory("trajectory_live.txt"), self.log)
@@ -324,7 +327,8 @@ class RunData:
 
     @cached_property
     def culling(self) -> Culling:
-        """Of a run that reports its features, on a sequence that is here with its labels."""
+        """Culling metrics of a run that logs its features, if its labeled sequence is on this
+        machine."""
         features = self.log.of("frame_features")
         border_px = (self.spec.params or {}).get("mask_border_px", 0)
         labeled = (folder for folder in self._folders if (folder / LABELS_FILE).is_file())
@@ -338,7 +342,8 @@ class RunData:
 
     @property
     def known_place_s(self) -> float | None:
-        """Mean wait of a lost camera that is back where it was tracked; None: it never was."""
+        """Mean relocalization time of a lost camera that returned to a known place; None: it
+        never did."""
         if self.truth_file is None or not self.tracking.track_losses:
             return None
         live = self._trajectory("trajectory_live.txt")
@@ -347,23 +352,24 @@ class RunData:
 
     @cached_property
     def sensor(self) -> str | None:
-        """What the played sequence brought: rgbd, stereo or mono."""
+        """Sensor of the played sequence: rgbd, stereo or mono."""
         headers = [folder / SEQUENCE_FILE for folder in self._folders]
         found = next((header for header in headers if header.is_file()), None)
         named = object_or_empty(found).get("sensor") if found else None
         if named is None and self._stored.get("ate_alignment") == "sim3":
-            return "mono"  # the sequence is gone; its summary remembers
+            return "mono"  # the sequence is gone, so use its stored summary
         return named if isinstance(named, str) else None
 
     @cached_property
     def _stored(self) -> Summary:
-        """The summary of a result, as it was made before."""
+        """The stored summary of a result."""
         return Summary.read(self.folder / "summary.json") or Summary()
 
     @property
     def _folders(self) -> list[Path]:
-        """Where the played sequence may be."""
-        # A container's run.json names a place inside it: then the truth's folder reports.
+        """Folders that may be the played sequence."""
+        # A container's run.json has a path inside the container; then the folder of the ground
+        # truth is used.
         folders = [self._sequence, self.groundtruth.parent if self.groundtruth else None]
         return [folder for folder in folders if folder is not None]
 
@@ -377,7 +383,7 @@ class RunData:
         return None
 
     def _trajectory(self, name: str) -> Trajectory:
-        """The mobile node's trajectory; an unreadable one counts as empty."""
+        """Reads a trajectory of the mobile node; an unreadable one counts as empty."""
         for path in (self.folder / "mobile" / name, self.folder / name):
             if path.exists():
                 try:
@@ -389,7 +395,8 @@ class RunData:
 
 
 def _figures_in_manifest(proof: LinkProof | None) -> RttFigures | None:
-    """The link's own comparison: it knows the profile exactly, with its gaps and queues."""
+    """Returns the figures of the link proof, which knows the profile exactly, with its gaps and
+    queues."""
     if proof is None:
         return None
     numbers = (

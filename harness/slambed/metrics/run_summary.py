@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""One run's folder into its flat summary (docs/formats.md, `summary.json`)."""
+"""Computes the flat summary of one run (docs/reference/summary.md, `summary.json`)."""
 
 from collections.abc import Mapping
 from pathlib import Path
@@ -16,11 +16,11 @@ from slambed.records.kept_spec import KeptSpec
 def summarize_run(
     folder: Path, spec: KeptSpec | Mapping[str, object], groundtruth: Path | None = None
 ) -> Summary:
-    """The summary of a raw folder or of a stored result; what could not be measured is None.
+    """Returns the summary of a raw folder or of a stored result; unmeasured values are None.
 
-    `spec` is the RunSpec, as kept or as JSON; `manifest.json` of the folder says how the run ended.
-    The true path is `groundtruth`, else `groundtruth.txt` of the folder, else that of the sequence
-    in `run.json`.
+    `spec` is the RunSpec, as stored or as JSON; `manifest.json` in the folder holds the outcome.
+    The ground truth is `groundtruth`, else `groundtruth.txt` in the folder, else that of the
+    sequence in `run.json`.
     """
     summary, _ = summarize_with_problems(folder, spec, groundtruth)
     return summary
@@ -29,13 +29,13 @@ def summarize_run(
 def summarize_with_problems(
     folder: Path, spec: KeptSpec | Mapping[str, object], groundtruth: Path | None = None
 ) -> tuple[Summary, list[str]]:
-    """As `summarize_run`, with what was wrong with the files (one line each)."""
+    """Like `summarize_run`, but also returns problems of the files (one line each)."""
     run = RunData(folder, KeptSpec.of(spec), groundtruth)
     return summary_of(run), run.problems
 
 
 def summary_of(run: RunData) -> Summary:
-    """The summary of a run that is being read; what is wrong with its files becomes its problem."""
+    """Returns the summary of a loaded run; problems of its files are added to `run.problems`."""
     summary = Summary(
         {
             item.key: item.function(run) if item.function is not None else None

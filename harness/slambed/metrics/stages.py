@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Where the time goes: by stage, by keyframe, and round a map update (DynNetSLAM, Fig. 4)."""
+"""Where time is spent: per stage, per keyframe, and per map update round (DynNetSLAM, Fig. 4)."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -11,7 +11,7 @@ from slambed.metrics.tracking import values_of
 from slambed.metrics.update_round import PART_FIELDS, update_rounds
 
 MAPPING_STAGES = ("insert", "cull_points", "triangulate", "fuse", "bundle", "cull_keyframes")
-"""What a local mapper does for a keyframe; serializing and updates are counted apart."""
+"""Stages of the local mapper per keyframe; serialization and updates are counted separately."""
 
 
 _UNIT_OF = {
@@ -32,12 +32,12 @@ class StageTime:
     count: int
     wall_ms_mean: float
     wall_ms_per_unit: float
-    """Per tracked frame, new keyframe or mapped keyframe (a stage may be called several times for
-    one, as a bundle adjustment that can be interrupted is); per call for all others."""
+    """Per tracked frame, new keyframe or mapped keyframe, for which a stage may run several
+    times (for example an interrupted bundle adjustment); per call for all other stages."""
 
 
 def stage_times(log: EventLog) -> list[StageTime]:
-    """Every stage that was timed, by node and name."""
+    """Returns every timed stage, by node and name."""
     groups: dict[tuple[str, str], list[Event]] = {}
     for event in log.of("stage"):
         groups.setdefault((event["node"], str(event.get("name"))), []).append(event)
@@ -63,18 +63,19 @@ def stage_times(log: EventLog) -> list[StageTime]:
 
 
 def host_stall_ms_max(log: EventLog) -> float | None:
-    """The longest stall by the host, None where nothing was timed."""
+    """Returns the longest stall caused by the host; None if nothing was timed."""
     found = longest_stall(log)
     return found[1] if found is not None else None
 
 
 def longest_stall(log: EventLog) -> tuple[float, float] | None:
-    """When an extraction on the mobile node ended [s], and by how much it took longer than its CPU
-    time explains [ms], of the one with the most.
+    """Returns the end time [s] and the excess time [ms] of the mobile node's feature extraction
+    with the longest stall.
 
-    Extracting waits for nothing, so what it takes beyond its CPU time, at the run's usual (median)
-    ratio of the two, is not the device's limits: something else on the host had the processor. A
-    lower bound, for extraction fills a part of the time only. None where nothing was timed.
+    Extraction never blocks, so its wall time divided by its CPU time is usually constant (median
+    ratio of the run). Wall time beyond that is not explained by the device's limits: something else
+    on the host used the CPU. It is a lower bound because extraction covers only part of the run.
+    None if nothing was timed.
     """
     stages = log.stages("mobile", "extract")
     both = [e for e in stages if e.get("wall_ms") is not None and e.get("cpu_ms")]
@@ -87,7 +88,7 @@ def longest_stall(log: EventLog) -> tuple[float, float] | None:
 
 
 def mapping_ms_per_keyframe(log: EventLog, key: str = "wall_ms") -> float | None:
-    """Mean over the mapped keyframes of all mapping stages together."""
+    """Returns the mean time of all mapping stages together per mapped keyframe."""
     keyframes = len(log.of("keyframe_mapped"))
     stages = [e for e in log.of("stage") if e.get("name") in MAPPING_STAGES]
     spent = values_of(stages, key)
@@ -107,13 +108,13 @@ class Delay:
 
 
 def delays(log: EventLog) -> dict[str, Delay]:
-    """The parts of T_Total that this run's events report; a part without events is absent.
+    """Returns the parts of T_Total that this run's events report; a part without events is absent.
 
-    Where accepted updates carry their own parts (`update_round`), those are taken: they add up.
-    T_Computed is T_Total without T_Wait. Else what comes near: T_Track tracking step; T_M->E and
-    T_E->M queued to received; T_RKF parsing a keyframe on the edge; T_LM local mapping per
-    keyframe; T_PLMU preparing the update; T_MU applying it; T_Total from the capture of the newest
-    keyframe an update covers until that update is applied.
+    If accepted updates report their own parts (`update_round`), these are used because they add up.
+    T_Computed is T_Total without T_Wait. Otherwise approximations are used. T_Track: tracking step;
+    T_M->E and T_E->M: from queued to received; T_RKF: parsing a keyframe on the edge. T_LM: local
+    mapping per keyframe; T_PLMU: preparing the update; T_MU: applying it. T_Total: from the capture
+    of the newest keyframe in an update until the update is applied.
     """
     if rounds := update_rounds(log):
         return _spread_of(
@@ -153,7 +154,7 @@ def _spread_of(
 
 
 def total_ms(log: EventLog) -> np.ndarray[tuple[int], np.dtype[np.float64]]:
-    """T_Total of every applied update: as it reports, or from the capture of its newest
+    """Returns T_Total of every applied update: as reported, or from the capture of its newest
     keyframe."""
     if rounds := update_rounds(log):
         return np.array([r.total_ms for r in rounds])
@@ -167,7 +168,7 @@ def total_ms(log: EventLog) -> np.ndarray[tuple[int], np.dtype[np.float64]]:
 
 
 def _capture_times_ns(log: EventLog) -> dict[int, float]:
-    """Run time at which the frame of each keyframe was offered to tracking."""
+    """Returns the run time at which the frame of each keyframe was offered to tracking."""
     offered: dict[int, float] = {}
     for step in log.of("frame_tracked"):
         if isinstance(step.get("frame"), int) and isinstance(step.get("track_ms"), int | float):
@@ -193,7 +194,7 @@ def _messages(log: EventLog, direction: str, channel: str) -> list[Event]:
 
 
 def transfer_ms(messages: list[Event]) -> np.ndarray[tuple[int], np.dtype[np.float64]]:
-    """Queued to received of each message that arrived."""
+    """Returns the time from queued to received for each delivered message."""
     found = [
         (e["received_ns"] - e["queued_ns"]) / 1e6
         for e in messages
@@ -203,7 +204,7 @@ def transfer_ms(messages: list[Event]) -> np.ndarray[tuple[int], np.dtype[np.flo
 
 
 def _mapping_of_each(log: EventLog) -> np.ndarray[tuple[int], np.dtype[np.float64]]:
-    """Wall time of the mapping stages between one mapped keyframe and the next."""
+    """Returns the wall time of the mapping stages between successive mapped keyframes."""
     found: list[float] = []
     spent = 0.0
     for event in log.of("stage", "keyframe_mapped"):

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Intervals: how far a share or a median can be relied on. Means are judged beside published ones
-only, on the logarithm (`report/verdicts/means.py`)."""
+"""Confidence intervals of shares and medians. Means are compared only with published ones, on a
+log scale (`report/verdicts/means.py`)."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -26,16 +26,16 @@ class Interval:
     high: float
     count: int
     is_range: bool = False
-    """True where `low` and `high` are the least and the largest value: too few for an interval."""
+    """True if `low` and `high` are the minimum and maximum: too few values for an interval."""
 
     def scaled(self, factor: float) -> "Interval":
-        """In another unit."""
+        """Converts to another unit."""
         low, high = self.low * factor, self.high * factor
         return Interval(self.value * factor, low, high, self.count, self.is_range)
 
 
 def finite(values: ArrayLike | Sequence[float | None]) -> Floats:
-    """The measured values: null and NaN are not measurements; infinity stays (a failed run)."""
+    """Returns the measured values without null and NaN; infinity (a failed run) is kept."""
     array = np.array(
         [np.nan if v is None else float(v) for v in np.asarray(values, dtype=object).ravel()],
         dtype=np.float64,
@@ -44,7 +44,8 @@ def finite(values: ArrayLike | Sequence[float | None]) -> Floats:
 
 
 def wilson(successes: int, trials: int, confidence: float = CONFIDENCE) -> Interval:
-    """Share with Wilson's score interval (1927): honest at 0 of n and n of n.
+    """Returns a share with Wilson's score interval (1927), which is also valid at 0 of n and n of
+    n.
 
     Raises SlambedError when there were no trials or more successes than trials.
     """
@@ -57,11 +58,12 @@ def wilson(successes: int, trials: int, confidence: float = CONFIDENCE) -> Inter
 
 
 def interval(values: ArrayLike, confidence: float = CONFIDENCE) -> Interval:
-    """Median with its confidence interval; the range of the values where they are too few.
+    """Returns the median with its confidence interval, or with the range if there are too few
+    values.
 
-    By order statistics (Conover 1999, sec. 3.2), exact for every distribution; below
-    six values no two of them hold it with 95 %. Nothing is drawn: the same runs
-    give the same interval. Raises SlambedError when there is no value.
+    It uses order statistics (Conover 1999, sec. 3.2), exact for every distribution; below six
+    values none reach 95 %. There is no resampling, so the same runs give the same interval. Raises
+    SlambedError without values.
     """
     sample = finite(values)
     count = len(sample)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""summary.json: the numbers of one run by their keys, and what is decided by some of them."""
+"""summary.json: the metrics of one run by key, and properties derived from them."""
 
 from pathlib import Path
 from typing import Self
@@ -11,35 +11,36 @@ Value = float | int | bool | str | None
 
 
 class Summary(dict[str, Value]):
-    """Flat; its keys, types and units are those of the list of metrics (`metrics/catalog.py`)."""
+    """A flat dict; its keys, types and units are those of the list of metrics
+    (`metrics/catalog.py`)."""
 
     @classmethod
     def read(cls, path: Path) -> Self | None:
-        """From a file of any version; None when it is not there or not whole."""
+        """Reads a file of any version; None if it is missing or truncated."""
         content = read_object(path)
         return None if content is None else cls(summary_of_today(keys_today(content, METRICS)))
 
     @property
     def valid(self) -> bool:
-        """Whether the run counts."""
+        """Whether the run is valid."""
         return self.get("valid") is True
 
     @property
     def outcome(self) -> str:
-        """How the system ended."""
+        """Outcome of the system."""
         return str(self.get("outcome"))
 
     @property
     def completed(self) -> bool:
-        """Whether the system came to its end."""
+        """Whether the system completed the run."""
         return self.get("outcome") == "completed"
 
     def text(self, key: str) -> str | None:
-        """A value that is words; None without any."""
+        """Returns a text value; None if it is no text."""
         value = self.get(key)
         return value if isinstance(value, str) else None
 
     def number(self, key: str) -> float | None:
-        """A value that is a number; None where it was not measured."""
+        """Returns a numeric value; None if it was not measured."""
         value = self.get(key)
         return value if isinstance(value, int | float) else None

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""How well the camera was followed: losses, coverage, relocalizations, step times."""
+"""Tracking quality: losses, coverage, relocalizations, step times."""
 
 from dataclasses import dataclass
 
@@ -8,7 +8,7 @@ import numpy as np
 from slambed.metrics.events import Event, EventLog
 
 SEEING_SHARE = 0.5
-"""A frame with this share of the usual features could show where the camera is."""
+"""A frame with this share of the usual number of features is sufficient for relocalization."""
 
 
 @dataclass(frozen=True)
@@ -25,11 +25,11 @@ class Tracking:
     lost_s: float
     """Sequence time between each loss and the next pose, or the end of the run."""
     reloc_s_max: float | None
-    """Longest time from the first frame that showed something, while lost, to the next pose."""
+    """Longest time from the first frame with enough features, while lost, to the next pose."""
 
     @property
     def coverage(self) -> float | None:
-        """Share of the offered frames that got a pose."""
+        """Share of the offered frames with a pose."""
         return self.frames_tracked / self.frames_total if self.frames_total else None
 
     @property
@@ -39,8 +39,8 @@ class Tracking:
 
 
 def tracking_of(log: EventLog) -> Tracking:
-    """Counts transitions of the frame states; a log without frame states is judged by its
-    `track_lost` events (a foreign system may write only those)."""
+    """Counts transitions of the frame states; without frame events it uses `track_lost` events
+    (a system with its own program may write only those)."""
     frames = log.of("frame_tracked")
     dropped = log.of("frame_dropped")
     losses: list[float] = []
@@ -50,7 +50,8 @@ def tracking_of(log: EventLog) -> Tracking:
     last = 0.0
     for frame in frames:
         state, last = str(frame.get("state")), float(frame.get("seq_s", last))
-        # A young map is given up at once: the frame that lost it is already not_initialized.
+        # A young map is reset at once, so the first frame after the loss is already
+        # not_initialized.
         if previous == "ok" and state != "ok":
             losses.append(last)
         if state == "lost" and lost_since is None:
@@ -79,10 +80,10 @@ def tracking_of(log: EventLog) -> Tracking:
 
 
 def relocalization_times_s(frames: list[Event]) -> list[float]:
-    """Per loss: from the first frame with enough features to the next with a pose.
+    """Returns for each loss the time from the first frame with enough features to the next pose.
 
-    Enough is half of what tracked frames have (median). A loss that nothing ends counts up to the
-    last frame; one that ends in a new map does not count.
+    Enough is half of the median of tracked frames. A loss that lasts to the end counts up to the
+    last frame; a loss that ends with a new map does not count.
     """
     usual = [float(f["features"]) for f in frames if f.get("state") == "ok" and f.get("features")]
     enough = SEEING_SHARE * float(np.median(usual)) if usual else 0.0
@@ -106,18 +107,18 @@ def relocalization_times_s(frames: list[Event]) -> list[float]:
 
 
 def values_of(events: list[Event], key: str) -> np.ndarray[tuple[int], np.dtype[np.float64]]:
-    """The numbers under this key, without the events that lack it."""
+    """Returns the numbers under this key, skipping events without it."""
     numbers = [e[key] for e in events if isinstance(e.get(key), int | float)]
     return np.array(numbers, dtype=np.float64)
 
 
 def mean_of(events: list[Event], key: str) -> float | None:
-    """Mean, or None when nothing was measured."""
+    """Returns the mean; None if nothing was measured."""
     values = values_of(events, key)
     return float(values.mean()) if len(values) else None
 
 
 def quantile_of(events: list[Event], key: str, share: float) -> float | None:
-    """Quantile, or None when nothing was measured."""
+    """Returns the quantile; None if nothing was measured."""
     values = values_of(events, key)
     return float(np.quantile(values, share)) if len(values) else None

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The round of a map update, part by part: from the frame of the newest keyframe that it covers
-until tracking uses it (DynNetSLAM, Sec. III: T_Total = T_Mobile + T_Edge + T_NW)."""
+"""The round of a map update by parts: from the frame of its newest keyframe until tracking uses
+it (DynNetSLAM, Sec. III: T_Total = T_Mobile + T_Edge + T_NW)."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -19,10 +19,10 @@ PART_FIELDS = {
     "T_E->M": "t_em_ms",
     "T_MU": "t_mu_ms",
 }
-"""Part -> field of `update_applied`. T_Wait is the pacing of updates, which no paper counts."""
+"""Part -> field of `update_applied`. T_Wait is the pacing of updates, which the papers exclude."""
 
 CLOSURE_LIMIT_MS = 2.0
-"""The parts of a round must add up to its total within this."""
+"""Tolerance for the sum of a round's parts compared with its total."""
 
 
 @dataclass(frozen=True)
@@ -32,23 +32,23 @@ class UpdateRound:
     parts_ms: dict[str, float]
     total_ms: float
     gap_keyframes: int | None
-    """Keyframes of the old local map that tracking lost by the update."""
+    """Keyframes of the old local map that the update removed from tracking."""
 
     @property
     def computed_ms(self) -> float:
-        """The paper's T_Total: the total without T_Wait."""
+        """T_Total as in the paper: the total without T_Wait."""
         return self.total_ms - self.parts_ms["T_Wait"]
 
     @property
     def closure_error_ms(self) -> float:
-        """How far the parts are from the total."""
+        """Difference between the total and the sum of the parts."""
         return abs(sum(self.parts_ms.values()) - self.total_ms)
 
 
 def update_rounds(log: EventLog) -> list[UpdateRound]:
-    """Every accepted regular update whose event reports all parts.
+    """Returns every accepted regular update whose event reports all parts.
 
-    Maps for relocalization begin with a request, not with a keyframe, and are left out.
+    Maps for relocalization start with a request instead of a keyframe and are excluded.
     """
     found = [_round(event) for event in log.of("update_applied") if not event.get("relocalization")]
     return [round_ for round_ in found if round_ is not None]
@@ -66,26 +66,26 @@ def _round(event: Event) -> UpdateRound | None:
 
 
 def median_ms(rounds: list[UpdateRound], part: Callable[[UpdateRound], float]) -> float | None:
-    """Median over the updates, None without any."""
+    """Returns the median over the updates; None without updates."""
     return float(np.median([part(r) for r in rounds])) if rounds else None
 
 
 def gap_keyframes_mean(rounds: list[UpdateRound]) -> float | None:
-    """Keyframes lost from the local map per update."""
+    """Returns the mean number of keyframes that an update removes from the local map."""
     gaps = [r.gap_keyframes for r in rounds if r.gap_keyframes is not None]
     return float(np.mean(gaps)) if gaps else None
 
 
 def closure_error_ms_max(rounds: list[UpdateRound]) -> float | None:
-    """The largest difference between a total and the sum of its parts."""
+    """Returns the largest difference between a total and the sum of its parts."""
     return max((r.closure_error_ms for r in rounds), default=None)
 
 
 def received(log: EventLog, message: str) -> list[Event]:
-    """Messages of this type that arrived."""
+    """Returns delivered messages of this type."""
     return [e for e in log.of("message") if e.get("message") == message and not e.get("dropped")]
 
 
 def codec_stages(log: EventLog, node: str, name: str) -> list[Event]:
-    """The stage in either codec's form."""
+    """Returns the events of a stage for either codec."""
     return log.stages(node, name, f"{name}_text")

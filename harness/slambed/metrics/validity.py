@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Whether a run was made under the circumstances that it asked for. How the system fared in it is
-another matter: a crash under the right circumstances is a result, a fine run under wrong ones none.
+"""Decides whether a run took place under the configured circumstances. The performance of the
+system is irrelevant: a crash under the right circumstances is a result, a good run under wrong ones
+is none.
 """
 
 from slambed.metrics.summary import Summary
@@ -9,14 +10,15 @@ from slambed.records.manifest import Manifest
 from slambed.spec.board import NETWORK
 
 NOTABLE_STEAL_PERCENT = 1.0
-"""Of the host's CPU time; below it, other reasons for a stall are likelier."""
+"""Percent of the host's CPU time; below this, other causes of a stall are more likely."""
 RELAYS_RTT_ERROR_MS_P99 = 20.0
-"""A hundred times what the relay has beside two compilers. netem does not report how long a packet
-waited in its queue, so there a tail may be what the profile asked for."""
+"""100 times the relay's error while two compilers run. Netem does not report queueing delays, so
+its tail may be caused by the profile."""
 
 
 def invalid_reasons_of(spec: KeptSpec, manifest: Manifest, summary: Summary) -> list[str]:
-    """Why host, link or limits were not as asked, a line each; none for a valid run."""
+    """Returns why host, link or limits differed from the configuration, one line each; empty for
+    a valid run."""
     reasons = list(manifest.invalid_reasons or [])
     tolerances = spec.tolerances
     stall, bearable = summary.number("host_stall_ms_max"), tolerances.host_stall_ms_max
@@ -49,20 +51,20 @@ def invalid_reasons_of(spec: KeptSpec, manifest: Manifest, summary: Summary) -> 
             continue
         error = summary.number(key)
         if error is None:
-            # A system that died at once left no time to measure; that it died is the result.
+            # A system that died at once left no time for a measurement; its death is the result.
             if summary.completed:
                 errors.append("the RTT of the link was not measured")
                 break
         elif error > allowed:
             errors.append(f"RTT error {name} {error:.2f} ms is above {allowed:g} ms{by_steal}")
     if errors:
-        # The link has reported the first of them too, when it was taken down.
+        # The link also reported the median error when it was taken down.
         reasons = [x for x in reasons if not (x.startswith("link: ") and "RTT error" in x)]
     return reasons + errors
 
 
 def _steal(summary: Summary) -> str:
-    """What the hypervisor took, where it may be the cause."""
+    """Describes steal time if it may be the cause."""
     steal = summary.number("host_steal_percent")
     if steal is None or steal < NOTABLE_STEAL_PERCENT:
         return ""

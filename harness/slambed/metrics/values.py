@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Values of a run that take more than one expression of the list of metrics."""
+"""Metrics that need more than one expression in the list of metrics."""
 
 import hashlib
 
@@ -12,40 +12,42 @@ from slambed.metrics.tracking import mean_of, quantile_of
 
 
 def frames_dropped(run: RunData) -> Value:
-    """By the player; of a folder a system leaves out what it likes, and nobody sees why."""
+    """Returns frames dropped by the player. A system that reads a folder skips frames
+    unobserved."""
     return run.tracking.frames_dropped if run.measured and not run.spec.reads_folder else None
 
 
 def extract_ms(run: RunData) -> Value:
-    """Median time of extraction on the mobile node."""
+    """Returns the median time of feature extraction on the mobile node."""
     return quantile_of(run.log.stages("mobile", "extract"), "wall_ms", 0.5)
 
 
 def stage_ms_mean(run: RunData, name: str) -> Value:
-    """Mean time of a stage on the mobile node."""
+    """Returns the mean time of a stage on the mobile node."""
     return mean_of(run.log.stages("mobile", name), "wall_ms")
 
 
 def update_delay_ms(run: RunData) -> Value:
-    """Median of T_Total."""
+    """Returns the median of T_Total."""
     total = total_ms(run.log)
     return float(np.quantile(total, 0.5)) if run.has_edge and len(total) else None
 
 
 def link_stalls(run: RunData) -> Value:
-    """How often a channel stalled; null where none reports itself, as of foreign programs."""
+    """Returns how often a channel stalled; None if no channel reports, as in systems with their
+    own programs."""
     links = run.log.of("link")
     return sum(link["event"] == "stalled" for link in links) if links else None
 
 
 def first_loop_s(run: RunData) -> Value:
-    """When the first loop was closed."""
+    """Returns the run time of the first loop closure."""
     closed = run.log.of("loop_closed")
     return closed[0]["t_ns"] / 1e9 if closed else None
 
 
 def data_rate_mbit_s(run: RunData) -> Value:
-    """Both directions together over playback."""
+    """Returns the data rate of both directions together over playback."""
     up, down = run.bytes_moved["up"], run.bytes_moved["down"]
     if up is None or down is None or not run.end_s:
         return None
@@ -53,7 +55,7 @@ def data_rate_mbit_s(run: RunData) -> Value:
 
 
 def truth_digest(run: RunData) -> Value:
-    """Of the true path that judged the run."""
+    """Returns a digest of the run's ground truth."""
     if run.truth_file is None:
         return None
     return hashlib.sha256(run.truth_file.read_bytes()).hexdigest()[:16]

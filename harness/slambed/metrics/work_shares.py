@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What share of the mobile node's work is whose (IJNC 15(2), 2025, Tables 1 and 2)."""
+"""Shares of the mobile node's work by task (IJNC 15(2), 2025, Tables 1 and 2)."""
 
 from collections.abc import Mapping
 
@@ -8,12 +8,12 @@ from slambed.metrics.tracking import values_of
 
 UPDATE = {
     "clean": ("clean_map",),
-    # Reading an update belongs to inserting its keyframes.
+    # Parsing an update counts as inserting its keyframes.
     "insert": ("parse", "parse_text", "insert_keyframes"),
     "reference": ("update_reference",),
     "last_frame": ("update_last_frame",),
 }
-"""Table 2: what a map update consists of."""
+"""Table 2: the parts of a map update."""
 
 WORK = {
     "extract": ("extract",),
@@ -21,17 +21,17 @@ WORK = {
     "keyframe": ("create_keyframe", "serialize", "serialize_text"),
     "update": ("apply_update", *(name for names in UPDATE.values() for name in names)),
 }
-"""Table 1: what the mobile device of Edge-SLAM does."""
+"""Table 1: the tasks of Edge-SLAM's mobile device."""
 
 
 def share_of_work(log: EventLog, part: str) -> float | None:
-    """Time of this part of `WORK` over that of all; None without a stage."""
+    """Returns the time of this part of `WORK` relative to all parts; None without a stage."""
     return _share(log, WORK, part)
 
 
 def share_of_update(log: EventLog, part: str) -> float | None:
-    """Time of this part of `UPDATE` over that of all; None where updates are not reported by
-    parts."""
+    """Returns the time of this part of `UPDATE` relative to all parts; None if updates do not
+    report parts."""
     return _share(log, UPDATE, part) if log.stages("mobile", "insert_keyframes") else None
 
 

@@ -1,2 +1,3 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Published numbers and ours: what papers print, which runs it is about, verdicts, plans, pages."""
+"""Published numbers compared with ours: what papers print, the runs behind them, verdicts, plans,
+pages."""

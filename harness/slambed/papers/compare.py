@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A paper beside our runs: every number and every declared ordering, per kind of engine."""
+"""Compares a paper with our runs: every number and every declared ordering, per kind of engine."""
 
 from collections import Counter
 from dataclasses import dataclass
@@ -15,12 +15,12 @@ from slambed.papers.verdicts.prediction import Score, score
 from slambed.report.tables import Table
 
 CLAIMS = "claims"
-"""Name of the bar over the numbers stated in sentences."""
+"""Name of the group of numbers that are stated in the text."""
 
 
 @dataclass(frozen=True)
 class Column:
-    """All verdicts from one kind of engine. Live and virtual are never summed."""
+    """All verdicts from one kind of engine. Live and virtual runs are never pooled."""
 
     engine: str
     rows: dict[str, Judged]
@@ -30,18 +30,17 @@ class Column:
 
     @property
     def score(self) -> Score:
-        """How well numbers that no fit has seen were predicted."""
+        """Returns how well numbers outside every fit were predicted."""
         known = [r.position for r in self.rows.values() if r.position is not None]
         return score(known)
 
     def marks(self, ids: list[str]) -> "Counter[Mark]":
-        """How many of these numbers got which mark."""
         return Counter(self.rows[i].mark for i in ids)
 
 
 @dataclass(frozen=True)
 class PaperVerdicts:
-    """Everything that is said of one paper."""
+    """All verdicts on one paper."""
 
     paper: Paper
     cells: dict[str, PublishedCell]
@@ -49,7 +48,7 @@ class PaperVerdicts:
     columns: list[Column]
 
     def groups(self) -> list[tuple[str, str, list[str]]]:
-        """(name, label, ids): one per table, then one of the claims."""
+        """Returns (name, label, ids) of each table, then of the claims."""
         found = []
         for table in self.paper.tables:
             own = [i for i, c in self.cells.items() if c.source == table.id]
@@ -59,13 +58,12 @@ class PaperVerdicts:
         return [*found, (CLAIMS, "Text", claims)] if claims else found
 
     def column(self, engine: str) -> Column | None:
-        """The verdicts of one kind of engine."""
         return next((c for c in self.columns if c.engine == engine), None)
 
 
 def compare_paper(paper: Paper, pool: Pool, fits: list[DeviceFit] | None = None) -> PaperVerdicts:
-    """Every printed number and every declared ordering of a paper; one column per kind of engine
-    that has runs, one without any where there is none."""
+    """Judges every printed number and every declared ordering of a paper. Returns one column per
+    kind of engine that has runs, or one empty column."""
     cells = cells_of(paper)
     numbers = {i: c for i, c in cells.items() if is_number(c)}
     fits = read_fits() if fits is None else fits
@@ -83,7 +81,7 @@ def compare_paper(paper: Paper, pool: Pool, fits: list[DeviceFit] | None = None)
 
 
 def _without_duplicates(rows: dict[str, Judged]) -> dict[str, Judged]:
-    """A number that stands in two places is judged at one; the other shows that verdict."""
+    """Gives a number printed in two places one verdict, which both places show."""
     found = {}
     for name, row in rows.items():
         target = row.cell.comparability.duplicate_of
@@ -95,7 +93,7 @@ def _without_duplicates(rows: dict[str, Judged]) -> dict[str, Judged]:
 
 
 def comparison_table(verdicts: PaperVerdicts, column: Column, ids: list[str]) -> Table:
-    """Cell by cell: for CSV, Markdown and LaTeX."""
+    """Returns the numbers cell by cell, for CSV, Markdown and LaTeX."""
     engine = f" ({column.engine})" if column.engine else ""
     table = Table(
         "numbers",
@@ -125,7 +123,7 @@ def comparison_table(verdicts: PaperVerdicts, column: Column, ids: list[str]) ->
 
 
 def ordering_table(verdicts: PaperVerdicts, column: Column) -> Table:
-    """The declared orderings, one per line."""
+    """Returns the declared orderings, one per row."""
     engine = f" ({column.engine})" if column.engine else ""
     table = Table(
         "orderings",
@@ -150,7 +148,7 @@ def ordering_table(verdicts: PaperVerdicts, column: Column) -> Table:
 
 
 def pair_table(verdicts: PaperVerdicts, column: Column) -> Table:
-    """Every pair of an ordering that consists of several, one per line."""
+    """Returns every pair of the orderings with several pairs, one per row."""
     engine = f" ({column.engine})" if column.engine else ""
     table = Table(
         "pairs",
@@ -167,7 +165,7 @@ def pair_table(verdicts: PaperVerdicts, column: Column) -> Table:
 
 
 def plain_list(paper: Paper) -> str:
-    """One line: id, title, and what it has."""
+    """Returns one line with id, title and the count of numbers and orderings, or of set-ups."""
     source = paper.paper
     if paper.kind == "peer":
         return f"{paper.id}: {source.title}, {len(paper.setups)} set-ups"

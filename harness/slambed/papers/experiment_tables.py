@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Comparison tables of an experiment beside the published figures it is about."""
+"""Tables that compare an experiment with the published numbers it reproduces."""
 
 from slambed.errors import SlambedError
 from slambed.papers.compare import compare_paper, comparison_table, ordering_table
@@ -11,7 +11,8 @@ from slambed.report.tables import Table
 
 
 def comparisons_for(results: Results) -> list[Table]:
-    """Peers that were measured like this experiment, and the tables and claims it `reproduces`."""
+    """Returns tables of peers with this experiment's set-up, and of the tables and claims it
+    `reproduces`."""
     try:
         papers = read_papers()
     except SlambedError as error:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Which published numbers our devices were fitted to: agreement there is no evidence."""
+"""The published numbers that our devices were fitted to; agreement with these is no evidence."""
 
 from dataclasses import dataclass
 from fnmatch import fnmatchcase
@@ -13,19 +13,21 @@ from slambed.native import repository_root
 
 @dataclass(frozen=True)
 class DeviceFit:
-    """One file of catalog/devices/fits: ids (patterns) of published numbers, and devices fitted."""
+    """One file of catalog/devices/fits: ids (patterns) of published numbers, and the devices fitted
+    to them."""
 
     name: str
     patterns: tuple[str, ...]
     devices: frozenset[str]
 
     def has(self, cell: str) -> bool:
-        """Whether a published number was used."""
+        """Returns whether the fit used a published number."""
         return any(fnmatchcase(cell, pattern) for pattern in self.patterns)
 
 
 def read_fits(folder: Path | None = None) -> list[DeviceFit]:
-    """All fits that name published numbers (`fits:`). Raises SlambedError on a torn file."""
+    """Returns all fits that name published numbers (`fits:`). Raises SlambedError on a malformed
+    file."""
     found = []
     for path in sorted(
         (folder or repository_root() / "catalog" / "devices" / "fits").glob("*.yaml")
@@ -33,7 +35,7 @@ def read_fits(folder: Path | None = None) -> list[DeviceFit]:
         content = load_yaml(path).data
         if not isinstance(content, dict) or not content.get("fits"):
             continue
-        # A device that is `given` was not fitted: its runs alone hold no fitted number.
+        # A `given` device was not fitted, so its runs alone involve no fitted number.
         fitted = (d for d in content.get("devices", {}).values() if not d.get("given"))
         devices = frozenset(str(d["device"]) for d in fitted)
         found.append(DeviceFit(path.stem, tuple(map(str, content["fits"])), devices))
@@ -41,7 +43,7 @@ def read_fits(folder: Path | None = None) -> list[DeviceFit]:
 
 
 def fits_used(fits: list[DeviceFit], runs: pd.DataFrame) -> list[DeviceFit]:
-    """Those whose devices made any of these runs."""
+    """Returns the fits whose devices made any of these runs."""
     columns = [c for c in ("device_mobile", "device_edge") if c in runs]
     names = {str(name) for c in columns for name in runs[c].dropna().unique()}
     return [fit for fit in fits if fit.devices & names]

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What is said of a number that a device was set to match: no evidence, and how far it is off all
-the same."""
+"""The reasons shown for a number that a device was fitted to: it is no evidence, and how far ours
+still is from it."""
 
 from math import isfinite, log, log1p
 
@@ -11,13 +11,13 @@ from slambed.papers.verdicts.model import Verdict
 SET_TO_MATCH = "set to match a published value; no evidence"
 OWN_DATA = "follows from the paper's own data; no evidence"
 USUAL_MARGIN = 0.2
-"""Where the verdict has none: of too few runs, for instance."""
+"""Used where the verdict has no margin, for example with too few runs."""
 TIMES = 2.0
-"""From here on a factor reads better than percent."""
+"""From this ratio on, the text shows a factor instead of percent."""
 
 
 def far_off(cell: PublishedCell, measured: Measured, verdict: Verdict) -> str:
-    """`fitted, yet 41 % below the printed value`; empty within the margin of the number."""
+    """Returns `fitted, yet 41 % below the printed value`; empty within the number's margin."""
     if cell.value is None or not measured.there or verdict.outcome == "reproduced":
         return ""
     margin = verdict.margin if isfinite(verdict.margin) else USUAL_MARGIN

@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A published number judged: provenance first, then its rule (docs/results.md)."""
+"""Judges a published number: by provenance first, then by its rule
+(docs/explanation/verdicts.md)."""
 
 from dataclasses import dataclass, field, replace
 from functools import cached_property
@@ -30,7 +31,7 @@ NEVER_COUNTED: dict[Provenance, Mark] = {
 
 @dataclass(frozen=True)
 class Judged:
-    """One published number beside ours, for one kind of engine."""
+    """One published number compared with ours, for one kind of engine."""
 
     cell: PublishedCell
     provenance: Provenance
@@ -39,11 +40,11 @@ class Judged:
     why: str
     missing: Missing | None = None
     position: float | None = None
-    """Where the published number lies among what ours predicts (only out of sample)."""
+    """Quantile of the published number in our prediction (only for numbers outside every fit)."""
 
     @property
     def mark(self) -> Mark:
-        """One of eight: what is drawn, counted and colored."""
+        """Returns one of eight marks, by which numbers are drawn, counted and colored."""
         if self.provenance in NEVER_COUNTED:
             return NEVER_COUNTED[self.provenance]
         if self.missing == "no_events":
@@ -53,24 +54,23 @@ class Judged:
 
     @property
     def hint(self) -> str:
-        """Of a number that a device was set to match: how far ours is off all the same."""
+        """Returns how far ours is from a number that a device was fitted to."""
         if self.provenance != "fitted":
             return ""
         return far_off(self.cell, self.measured, self.verdict)
 
     @property
     def stated(self) -> str:
-        """The published number as printed."""
         return printed(self.cell)
 
     @property
     def ours(self) -> str:
-        """Our number in the paper's unit, with what it is of."""
+        """Returns our number in the paper's unit, with its count of runs."""
         return shown(self.measured) if self.measured.there else "-"
 
 
 def shown(measured: Measured) -> str:
-    """Our number, in the paper's unit, with its spread and what it is of."""
+    """Returns our number in the paper's unit, with its spread and count of runs."""
     if measured.is_share:
         share = measured.share
         return f"{100 * share.value:.3g} ({share.bad}/{share.runs})"
@@ -80,7 +80,7 @@ def shown(measured: Measured) -> str:
 
 
 def printed(cell: PublishedCell) -> str:
-    """A published number with its spread and unit."""
+    """Returns a published number with its spread and unit."""
     claim = cell.claim
     if cell.value is None:
         value = claim.value if claim is not None else None
@@ -93,30 +93,29 @@ def printed(cell: PublishedCell) -> str:
 
 
 def is_number(cell: PublishedCell) -> bool:
-    """Whether the paper prints a number here: what every count of the page is out of."""
+    """Returns whether the paper prints a number here. Every count on the page is out of these."""
     listed = cell.claim is not None and isinstance(cell.claim.value, list)
     return cell.value is not None or listed
 
 
 @dataclass
 class Judge:
-    """What is needed to judge the numbers of one paper for one kind of engine."""
+    """Judges the numbers of one paper for one kind of engine."""
 
     paper: Paper
     pool: Pool
     cells: dict[str, PublishedCell]
     fitted: frozenset[str]
-    """Ids that the devices of these runs were fitted to."""
+    """Ids of the numbers that the devices of these runs were fitted to."""
     known: dict[str, Measured] = field(default_factory=dict)
-    """Our values at cells that were asked for; orderings ask again."""
+    """Cache of our values by cell id, because orderings need them again."""
 
     @cached_property
     def firm(self) -> list[Contrast]:
-        """Contrasts that limit margins."""
         return firm_contrasts(self.paper, self.cells)
 
     def judge(self, cell: PublishedCell) -> Judged:
-        """Provenance, then value."""
+        """Judges a cell by provenance, then by value."""
         comparability = cell.comparability
         if comparability.duplicate_of is not None:
             return self._aside(
@@ -137,7 +136,7 @@ class Judge:
         return self._judged(cell, comparability.read_as or "")
 
     def measured(self, cell: PublishedCell) -> Measured:
-        """Our values at a cell's own coordinates."""
+        """Returns our values at a cell's coordinates."""
         if cell.id not in self.known:
             pool = self.pool.about(self.paper, cell.source)
             found = measure(self.paper, pool, cell.metric, cell.system, cell.conditions)
@@ -188,7 +187,7 @@ class Judge:
         return Judged(cell, provenance, verdict, measured, why, None, position)
 
     def _beside(self, cell: PublishedCell) -> str:
-        """What ours is by the other readings of the paper's words."""
+        """Returns our numbers under other readings of the paper's definition."""
         metric = self.paper.metrics.get(cell.metric)
         if metric is None:
             return ""

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Finds the runs of ours that a published number is about, or says why there are none."""
+"""Finds our runs for a published number, or the reason why there are none."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -16,30 +16,30 @@ VIRTUAL = "virtual"
 ENGINES = (VIRTUAL, LIVE)
 
 Missing = Literal["no_system", "no_data", "no_metric", "too_few_runs", "no_events"]
-"""Why nothing of ours stands beside a number."""
+"""Reasons why we have no number to compare."""
 MISSING_WORDS: dict[Missing, str] = {
     "no_system": "no system", "no_data": "no data", "no_metric": "no metric",
     "too_few_runs": "too few runs", "no_events": "run, events not kept",
 }  # fmt: skip
 LEFT_OPEN = ("dataset", "variant", "profile", "device_mobile", "device_edge")
-"""Columns that one number may not be pooled over, as every `params.*`."""
+"""Columns in which the runs of one number must not differ, like every `params.*`."""
 
 
 @dataclass
 class Pool:
-    """The runs of several experiments that count; `experiment_folder` finds their files."""
+    """The valid runs of several experiments; column `experiment_folder` finds their files."""
 
     runs: pd.DataFrame
     results: dict[str, Results]
     engine: str = ""
-    """The only kind of engine in it; none: all."""
+    """The only kind of engine in it; empty for all."""
     from_events: dict[tuple[str, str], float | None] = field(default_factory=dict)
-    """What was read from event logs, by run key and quantity: they are large."""
+    """Cache of values from event logs, which are large, by run key and quantity."""
     narrowed: dict[str, "Pool"] = field(default_factory=dict)
-    """`about` of every source that was asked for."""
+    """Cache of `about`, by source."""
 
     def of_engine(self, engine: str) -> "Pool":
-        """Only live or only virtual runs: the two are never mixed in one number."""
+        """Returns only the live or only the virtual runs; one number never mixes them."""
         if not engine:
             return self
         virtual = self.runs["engine"].astype(str).eq(VIRTUAL)
@@ -47,8 +47,8 @@ class Pool:
         return Pool(runs, self.results, engine, self.from_events)
 
     def about(self, paper: Paper, source: str) -> "Pool":
-        """Only runs of experiments that say they reproduce this table, figure or claim: others,
-        such as sensitivity studies, differ from it in ways its coordinates do not name."""
+        """Returns only runs of experiments that reproduce this table, figure or claim. Others, such
+        as sensitivity studies, differ in ways that its coordinates do not name."""
         if source not in self.narrowed:
             own = [r for r in self.results.values() if source in paper.sources(reproduces(r))]
             self.narrowed[source] = pool_of(own).of_engine(self.engine)
@@ -56,24 +56,24 @@ class Pool:
         return self.narrowed[source]
 
     def of_paper(self, paper: Paper) -> "Pool":
-        """Only experiments that reproduce anything of this paper."""
+        """Returns only the runs of experiments that reproduce something of this paper."""
         own = [r for r in self.results.values() if paper.sources(reproduces(r))]
         return pool_of(own)
 
     def engines(self) -> list[str]:
-        """`virtual`, `live`, both or none."""
+        """Returns `virtual`, `live`, both or neither."""
         virtual = self.runs["engine"].astype(str).eq(VIRTUAL)
         found = [VIRTUAL] if virtual.any() else []
         return [*found, LIVE] if (~virtual).any() else found
 
 
 def reproduces(results: Results) -> set[str]:
-    """What an experiment says it reproduces: ids of papers, tables, figures and claims."""
+    """Returns what an experiment reproduces: ids of papers, tables, figures and claims."""
     return {str(name) for name in results.spec.get("reproduces") or []}
 
 
 def pool_of(experiments: list[Results]) -> Pool:
-    """Runs of all experiments that count; a run that several of them share counts once."""
+    """Pools the valid runs of all experiments; a run that several share counts once."""
     parts = [
         r.valid_runs.assign(experiment_folder=r.name) for r in experiments if len(r.valid_runs)
     ]
@@ -86,20 +86,21 @@ def pool_of(experiments: list[Results]) -> Pool:
 
 @dataclass(frozen=True)
 class Found:
-    """The runs at some coordinates, or (`missing`, `reason`) why there are none."""
+    """The runs at some coordinates, or the reason why there are none (`missing`, `reason`)."""
 
     runs: pd.DataFrame | None
     missing: Missing | None = None
     reason: str = ""
     dataset: str = ""
-    """Our name of the sequence."""
+    """Our name for the sequence."""
     stand_in: bool = False
 
 
 def find_runs(
     paper: Paper, runs: pd.DataFrame, system: str | None, conditions: Mapping[str, Any]
 ) -> Found:
-    """Runs with this system, dataset and conditions in the paper's words."""
+    """Finds the runs of this system, dataset and conditions, which are given in the paper's
+    terms."""
     if system is None:
         return Found(None, "no_system", "the paper names no system here")
     if system not in paper.systems:
@@ -134,7 +135,7 @@ def find_runs(
 
 
 def _sequences(where: PaperDataset, runs: pd.DataFrame) -> list[tuple[str, pd.DataFrame, bool]]:
-    """The sequence itself, then its stand-ins, best first and one at a time."""
+    """Returns the sequence itself, then each of its stand-ins, best first."""
     exact = matching(runs, {"dataset": where.match})
     found = [(", ".join(sorted(set(exact["dataset"]))), exact, False)] if len(exact) else []
     for pattern in where.stand_in:
@@ -144,7 +145,7 @@ def _sequences(where: PaperDataset, runs: pd.DataFrame) -> list[tuple[str, pd.Da
 
 
 def left_open(runs: pd.DataFrame, several_sequences: bool = False) -> str:
-    """What differs between runs that one number would pool, in words; nothing if nothing does."""
+    """Names the columns that differ between runs that one number would pool; empty if none does."""
     if not len(runs):
         return ""
     columns = [c for c in runs if c in LEFT_OPEN or str(c).startswith("params.")]
@@ -162,7 +163,7 @@ def left_open(runs: pd.DataFrame, several_sequences: bool = False) -> str:
 
 
 def matching(runs: pd.DataFrame, match: Match) -> pd.DataFrame:
-    """Rows whose columns fit the patterns; a column that is not there fits nothing."""
+    """Returns the rows whose columns match the patterns; a missing column matches nothing."""
     for column, patterns in match.items():
         wanted = [patterns] if isinstance(patterns, str) else patterns
         if column not in runs:
@@ -193,7 +194,7 @@ def _condition(
     match = rule.get(value, rule.get("*"))
     if match is None:
         return f"{name} = {value} cannot be expressed in our runs"
-    # Without an edge there is no link: the profile does not matter to such a system.
+    # Without an edge there is no link, so the profile does not matter to such a system.
     if runs["link_backend"].isna().all() and set(match) == {"profile"}:
         return runs
     chosen = matching(runs, match)

@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The margin of one published number, from papers/*/paper.yaml, cut where orderings would blur."""
+"""The margin of one published number: from papers/*/paper.yaml, but reduced where it would hide an
+ordering."""
 
 from dataclasses import dataclass
 from math import expm1, log
@@ -12,12 +13,13 @@ from slambed.papers.verdicts.model import LEVEL, Mean, Share
 from slambed.papers.verdicts.shares import MARGIN, MARGIN_AT_THE_ENDS, NEAR_THE_END, can_be_shown
 
 UNWRITTEN = 0.2
-"""Part of a mean, where papers/*/paper.yaml has no margin for its metric."""
+"""Fraction of a mean, where papers/*/paper.yaml has no margin for the metric."""
 
 
 @dataclass(frozen=True)
 class CellMargin:
-    """As the rules take it: parts of one (ratio, shares) or the paper's unit (difference)."""
+    """A margin in the unit of the rules: a fraction (ratio, shares) or the paper's unit
+    (difference)."""
 
     value: float
     kind: Kind
@@ -26,8 +28,8 @@ class CellMargin:
 
 
 def firm_contrasts(paper: Paper, cells: dict[str, PublishedCell]) -> list[Contrast]:
-    """Declared contrasts that the printed numbers show by themselves: counts of known runs, or
-    means with spread and runs; Holm over those of one table. Nothing of ours plays a part."""
+    """Returns the declared contrasts that the printed numbers alone show: counts of known runs, or
+    means with spread and runs, Holm-adjusted per table. Our runs play no part."""
     found: dict[str, list[tuple[Contrast, float]]] = {}
     for contrast in paper.contrasts:
         steps = []
@@ -56,7 +58,8 @@ def _printed(paper: Paper, cell: PublishedCell) -> Share | Mean | None:
 
 
 def published_of(cell: PublishedCell, is_share: bool) -> Share | Mean | None:
-    """The published number as a count of runs or a mean; None for a share of unknown runs."""
+    """Returns the published number as a count of runs or as a mean; None for a share of unknown
+    runs."""
     if cell.value is None:
         return None
     if not is_share:
@@ -70,9 +73,9 @@ def published_of(cell: PublishedCell, is_share: bool) -> Share | Mean | None:
 def margin_of_cell(
     paper: Paper, cells: dict[str, PublishedCell], cell: PublishedCell, firm: list[Contrast]
 ) -> CellMargin:
-    """The written margin, and at most half of the smallest contrast that the paper shows with this
-    cell: what may differ by more would not be distinguished from its neighbor. A share that then
-    wants more than 300 runs is judged by its orderings only."""
+    """Returns the written margin, but at most half of the smallest contrast that the paper shows
+    with this cell; a larger margin could not tell neighbors apart. A share that would then need
+    more than 300 runs is judged by its orderings only."""
     assert cell.value is not None or cell.claim is not None
     value = cell.value or 0.0
     metric = paper.metrics.get(cell.metric)
@@ -112,7 +115,8 @@ def _half_of_the_smallest(
 def _half(
     contrast: Contrast, cells: dict[str, PublishedCell], cell: PublishedCell, ratio: bool
 ) -> float:
-    """Between the ends of the chain: a trend is the statement about all of it."""
+    """Returns half the contrast between the ends of the chain, because a trend is about the whole
+    chain."""
     found = float("inf")
     for chain in contrast.chains:
         ends = [cells[end].value for end in (chain[0], chain[-1]) if end in cells]

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Our number beside a published one: the values of single runs in the paper's unit."""
+"""Our counterpart of a published number: one value per run in the paper's unit."""
 
 from dataclasses import dataclass, replace
 from typing import Any
@@ -17,14 +17,14 @@ from slambed.papers.verdicts.model import Floats, Mean, Share
 from slambed.report.figures.stages import event_log
 
 EXPOSURE = 0.05
-"""Part by which the time played may differ where a number grows with it."""
+"""Relative difference in played time that is allowed where a number grows with it."""
 MEDIAN_DRAWS = 1000
 MEDIAN_SEED = 20263
 
 
 @dataclass(frozen=True)
 class Measured:
-    """What our runs say at some coordinates; without runs `found` says why."""
+    """Our values at some coordinates; without runs, `found` has the reason."""
 
     found: Found
     values: Floats
@@ -37,22 +37,21 @@ class Measured:
 
     @property
     def there(self) -> bool:
-        """Whether there is any value."""
         return len(self.values) > 0
 
     @property
     def share(self) -> Share:
-        """Runs with a loss, of all."""
+        """Returns the runs with a track loss, of all runs."""
         return Share(int((self.values > 0).sum()), len(self.values))
 
     @property
     def ours(self) -> Share | Floats:
-        """For tests of orderings."""
+        """Returns the share or the values, for tests of orderings."""
         return self.share if self.is_share else self.values
 
     @property
     def mean(self) -> Mean:
-        """Mean; a median with the spread that its bootstrap stands for."""
+        """Returns the mean, or the median with a spread from its bootstrap."""
         if not self.median or len(self.values) < 2:
             return Mean.of(self.values)
         generator = np.random.default_rng(MEDIAN_SEED)
@@ -68,7 +67,7 @@ NOTHING: Floats = np.zeros(0)
 def measure(
     paper: Paper, pool: Pool, name: str, system: str | None, conditions: dict[str, Any]
 ) -> Measured:
-    """Our values for a metric of the paper at these coordinates."""
+    """Returns our values of a paper's metric at these coordinates."""
     if name not in paper.metrics:
         return Measured(Found(None, "no_metric", f"no number of ours for '{name}'"), NOTHING)
     found = find_runs(paper, pool.runs, system, conditions)
@@ -78,7 +77,7 @@ def measure(
 def values_of(
     paper: Paper, pool: Pool, name: str, found: Found, conditions: dict[str, Any]
 ) -> Measured:
-    """Our values of runs that were found for a metric that the paper's file maps."""
+    """Returns our values of a mapped metric for runs already found."""
     metric, runs = paper.metrics[name], found.runs
     if runs is None:
         return Measured(found, NOTHING)
@@ -125,7 +124,8 @@ def _keys(runs: pd.DataFrame) -> tuple[tuple[str, str], ...]:
 def _exposure(
     paper: Paper, metric: PaperMetric, runs: pd.DataFrame, conditions: dict[str, Any]
 ) -> str:
-    """A share of runs with a loss needs as much of the sequence as the paper plays."""
+    """Returns why runs played too little or too much of the sequence for a share of runs with a
+    loss; empty if they match the paper."""
     played = paper.datasets[conditions["dataset"]].played_s
     if not metric.needs_exposure or played is None or "wall_s" not in runs:
         return ""
@@ -152,14 +152,14 @@ def _values(pool: Pool, runs: pd.DataFrame, metric: PaperMetric) -> "pd.Series[f
 
 
 def _event_source(metric: PaperMetric) -> str:
-    """`delay` or `tracking` of a number that is computed from events; else nothing."""
+    """Returns `delay` or `tracking` for a number computed from events, else an empty string."""
     source, _, part = metric.key.partition(".")
     return source if source in ("delay", "tracking") and part else ""
 
 
 def _without_events(pool: Pool, runs: pd.DataFrame, metric: PaperMetric) -> str:
-    """What to do where runs are there and none has the events that this number is made of, as
-    those of `slambed results pack`."""
+    """Returns what to do if no run has the events that this number needs, as with runs of `slambed
+    results pack`."""
     if not _event_source(metric):
         return ""
     places = zip(runs["experiment_folder"].astype(str), runs["run_key"].astype(str), strict=True)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The declared orderings of a paper, judged with our runs."""
+"""Judges the declared orderings of a paper with our runs."""
 
 from collections import Counter
 from collections.abc import Mapping
@@ -27,7 +27,7 @@ from slambed.papers.verdicts.trends import page
 
 Chain = tuple[tuple[PublishedCell, Measured], ...]
 WAS_RUN: tuple[Missing, ...] = ("no_events", "no_metric")
-"""Runs are there, the number is not."""
+"""Reasons that apply when runs exist without the number."""
 
 
 OrderKind = OrderOutcome | Literal["not_run", "half_run", "no_events", "no_number"]
@@ -37,14 +37,14 @@ KINDS: dict[OrderKind, str] = {
     "not_shown_by_paper": "not shown by the paper", "no_events": "run, events not kept",
     "no_number": "no number of ours", "half_run": "not all run", "not_run": "not run",
 }  # fmt: skip
-"""What is said of an ordering, in the words of the page, the terminal and the tables."""
+"""Words for an ordering's outcome on the page, the terminal and in tables."""
 PARTLY: dict[OrderKind, str] = {"not_seen": "not seen in full", "reversed": "reversed in part"}
-"""Of one that consists of several pairs, some of which hold."""
+"""Words for an ordering with several pairs, some of which hold."""
 
 
 @dataclass(frozen=True)
 class PairLine:
-    """One of several pairs of a claim."""
+    """One pair of a claim with several pairs."""
 
     outcome: str
     """`holds`, `reversed` or `not shown`."""
@@ -55,41 +55,41 @@ class PairLine:
 
     @property
     def line(self) -> str:
-        """For a list."""
+        """Returns the pair as a list item."""
         place = f", {self.where}" if self.where else ""
         return f"{self.outcome}{place}: paper {self.paper}, ours {self.ours} (p {self.p_value:.2g})"
 
 
 @dataclass(frozen=True)
 class JudgedOrdering:
-    """One declared ordering beside ours."""
+    """One declared ordering compared with ours."""
 
     contrast: Contrast
     ordering: Ordering
     provenance: Provenance
     chains: tuple[Chain, ...]
-    """In the declared order, every cell with what we have there."""
+    """In the declared order, every cell with our values."""
     systems: Mapping[str, str]
-    """What a reader calls the paper's systems."""
+    """Labels of the paper's systems."""
     missing: Missing | None = None
-    """Why something of ours is not there; None where everything is."""
+    """Why a number of ours is missing; None if none is."""
     ignored: frozenset[str] = frozenset()
-    """Conditions that distinguish nothing, such as the paper's number of runs."""
+    """Conditions that do not distinguish cells, such as the paper's number of runs."""
 
     @property
     def stand_ins(self) -> list[str]:
-        """Our sequences that stand in for the paper's."""
+        """Returns our sequences that stand in for the paper's."""
         found = {m.found.dataset for chain in self.chains for _, m in chain if m.found.stand_in}
         return sorted(found)
 
     @property
     def begun(self) -> bool:
-        """Whether there is any run of ours."""
+        """Returns whether we have a value at any of its cells."""
         return any(m.there for chain in self.chains for _, m in chain)
 
     @property
     def kind(self) -> OrderKind:
-        """Outcome, or why there is none."""
+        """Returns the outcome, or why there is none."""
         if self.missing is None or self.ordering.outcome != "inconclusive":
             return self.ordering.outcome
         if self.missing == "no_events":
@@ -100,13 +100,13 @@ class JudgedOrdering:
 
     @property
     def words(self) -> str:
-        """The outcome as it is read."""
         some = any(part.outcome == "holds" for part in self.ordering.parts)
         return PARTLY.get(self.kind, KINDS[self.kind]) if some else KINDS[self.kind]
 
     @property
     def holding(self) -> str:
-        """`8 of 9 pairs hold`, of which how many the other way; empty of a single one."""
+        """Returns `8 of 9 pairs hold`, with the number of reversed pairs; empty for a single
+        pair."""
         parts = Counter(part.outcome for part in self.ordering.parts)
         if not parts:
             return ""
@@ -115,7 +115,8 @@ class JudgedOrdering:
 
     @property
     def others(self) -> list[PairLine]:
-        """All pairs but the one that `values` shows: reversed ones first, then the weakest."""
+        """Returns all pairs except the one that `values` shows: reversed ones first, then the
+        weakest."""
         shown = self.ordering.decides or 0
         lines = [line for number, line in enumerate(self.pairs) if number != shown]
         order = ("reversed", "not shown", "holds")
@@ -123,7 +124,7 @@ class JudgedOrdering:
 
     @property
     def pairs(self) -> list[PairLine]:
-        """Pair by pair, where there are several and runs of ours for them."""
+        """Returns every pair, if there are several and we have runs for them."""
         if not self.ordering.parts:
             return []
         return [
@@ -138,8 +139,8 @@ class JudgedOrdering:
         ]
 
     def values(self, ours: bool) -> str:
-        """`Relocate: 446 < Edge-SLAM: 474 ms`: the ends of the chain that decides, as printed or as
-        ours; of a trend `rtt 0: 20 → rtt 80: 73 %`."""
+        """Returns the ends of the decisive chain, printed or ours, as `Relocate: 446 < Edge-SLAM:
+        474 ms`; a trend as `rtt 0: 20 → rtt 80: 73 %`."""
         if ours and not self.begun:
             return KINDS["not_run" if self.missing is None else self.kind]
         decides = self.ordering.decides
@@ -157,7 +158,7 @@ class JudgedOrdering:
         return f"{reported} {unit}{more}"
 
     def _ends(self, chain: Chain, ours: bool) -> tuple[str, str]:
-        """Both ends of a chain, and their unit."""
+        """Returns both ends of a chain, and their unit."""
         ends = [chain[0], chain[-1]]
         if ours:
             texts = [_value(m) for _, m in ends]
@@ -176,7 +177,7 @@ class JudgedOrdering:
         return message, "runs" if counts else ends[0][0].unit  # 11/100 is no percentage
 
     def _where(self, chain: Chain) -> str:
-        """The sequence, and what else both ends have in common and other pairs have not."""
+        """Returns the sequence, and what else both ends share but other pairs do not."""
         common = [_common(c) for c in self.chains]
         own = _common(chain)
         reported = [str(own["dataset"])] if "dataset" in own else []
@@ -193,19 +194,19 @@ IN_WORDS = "in words"
 
 
 def _common(chain: Chain) -> dict[str, object]:
-    """Conditions, and the metric, that both ends of a chain have."""
+    """Returns the conditions and the metric that both ends of a chain share."""
     first, last = ({"metric": c.metric} | c.conditions for c, _ in (chain[0], chain[-1]))
     return {name: value for name, value in first.items() if last.get(name) == value}
 
 
 NO_NUMBER = "not printed"
-"""Of an end of a chain that the paper draws or reports in words."""
+"""Shown for an end of a chain that the paper only plots or describes in words."""
 
 
 def _names(
     first: PublishedCell, last: PublishedCell, systems: Mapping[str, str], ignored: frozenset[str]
 ) -> list[str]:
-    """What distinguishes the two, in the paper's words."""
+    """Returns what distinguishes the two cells, in the paper's terms."""
     found = []
     for cell, other in ((first, last), (last, first)):
         parts = []
@@ -243,7 +244,7 @@ def _value(measured: Measured) -> str:
 
 
 def judge_orderings(judge: Judge) -> list[JudgedOrdering]:
-    """All contrasts of the paper, the paper's own p adjusted (Holm) over those of one table."""
+    """Judges all contrasts of the paper; the paper's own p values are Holm-adjusted per table."""
     found = [OrderingCase(judge, contrast) for contrast in judge.paper.contrasts]
     by_table: dict[str, list[OrderingCase]] = {}
     for case in found:
@@ -257,7 +258,7 @@ def judge_orderings(judge: Judge) -> list[JudgedOrdering]:
 
 
 class OrderingCase:
-    """A contrast with the paper's numbers and ours, rising."""
+    """A contrast with the paper's numbers and ours, in rising order."""
 
     def __init__(self, judge: Judge, contrast: Contrast) -> None:
         self.contrast = contrast
@@ -274,7 +275,7 @@ class OrderingCase:
 
     @property
     def source(self) -> str:
-        """The table whose contrasts are adjusted together."""
+        """Returns the table whose contrasts are adjusted together."""
         return self.chains[0][0][0].source
 
     def _published(self, cell: PublishedCell) -> Published | None:
@@ -282,7 +283,7 @@ class OrderingCase:
         return published_of(cell, metric is not None and metric.statistic == "share")
 
     def steps(self) -> list[Step]:
-        """What is to rise, chain by chain."""
+        """Returns the values that should rise, chain by chain."""
         found = []
         for chain in self.rising:
             paper = [self._published(c) for c, _ in chain] if self.testable else []
@@ -292,7 +293,7 @@ class OrderingCase:
         return found
 
     def table(self, ours: bool) -> Floats:
-        """Means, one row per chain; NaN where there is nothing."""
+        """Returns the means, one row per chain; NaN where a value is missing."""
         rows = [
             [
                 (float(np.mean(m.values)) if m.there else np.nan) if ours else (c.value or np.nan)
@@ -303,19 +304,19 @@ class OrderingCase:
         return np.array(rows, dtype=np.float64)
 
     def _spreads(self) -> tuple[Floats, Floats]:
-        """Coefficients of variation and numbers of runs of ours, one row per chain."""
+        """Returns our coefficients of variation and numbers of runs, one row per chain."""
         spread = [[Mean.of(m.values).cv or np.nan for _, m in chain] for chain in self.rising]
         runs = [[len(m.values) for _, m in chain] for chain in self.rising]
         return np.array(spread, dtype=np.float64), np.array(runs, dtype=np.float64)
 
     def p_paper(self) -> float:
-        """By the paper's own numbers, not yet adjusted."""
+        """Returns the p value of the paper's own numbers, not yet adjusted."""
         if self.contrast.kind == "blocks":
             return page(self.table(ours=False))
         return paper_shows(self.steps())[0]
 
     def judged(self, p_paper: float | None) -> JudgedOrdering:
-        """`p_paper` is adjusted; None where it could not be tested."""
+        """Judges the contrast. `p_paper` is adjusted; None where it could not be tested."""
         used = [(c, m) for chain in self.chains for c, m in chain]
         provenance: Provenance = "measured"
         if any(c.id in self.judge.fitted for c, m in used):
@@ -338,7 +339,7 @@ class OrderingCase:
         )
 
     def _missing(self) -> Measured | None:
-        """The first place without a number of ours, one that was not run before one that was."""
+        """Returns the first cell without our number, preferably one that was not run."""
         absent = [m for chain in self.chains for _, m in chain if not m.there]
         return min(absent, key=lambda m: m.found.missing in WAS_RUN, default=None)
 
@@ -368,7 +369,8 @@ class OrderingCase:
         return () if self.contrast.kind == "blocks" else paper_shows(self.steps())[1]
 
     def _mixed(self) -> str:
-        """A direction on stand-ins counts only within one of them."""
+        """Returns why cells cannot be compared: on stand-ins, an ordering counts only within one
+        sequence."""
         ours: dict[str, set[str]] = {}
         for chain in self.chains:
             for cell, measured in chain:

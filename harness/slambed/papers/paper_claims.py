@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The main claims of a paper as they are read: badge, both values, pairs, notes."""
+"""The main claims of a paper for display: badge, both values, pairs, notes."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -10,10 +10,10 @@ from slambed.papers.published import Provenance
 from slambed.papers.verdicts.model import MOST_RUNS, SEEN_POWER
 
 WEAK: dict[Provenance, str] = {"stand_in": "on a stand-in", "fitted": "fitted"}
-"""What is added to an outcome that is no evidence about the paper's own sequences."""
+"""Added to an outcome that is no evidence about the paper's own sequences."""
 WEAK_BADGE = {"on a stand-in": " ON A STAND-IN", "fitted": " (FITTED, NO EVIDENCE)"}
 SHOWN: tuple[OrderKind, ...] = ("holds", "reversed", "not_seen")
-"""Outcomes that say something of ours, and so must say on what."""
+"""Outcomes that rest on our runs, so they must name stand-ins and fits."""
 DEFINITIONS: dict[OrderKind, str] = {
     "not_seen": "our runs do not show it (in full: not for each of its pairs), and would have with "
     f"a chance of at least {100 * SEEN_POWER:.0f} % if the paper's numbers were true of them",
@@ -24,7 +24,7 @@ DEFINITIONS: dict[OrderKind, str] = {
     "no_events": "our runs are kept without the events that the number is computed from",
 }
 NAMED = 2
-"""Pairs that do not hold and are named on the terminal, beside the weakest."""
+"""How many failing pairs the terminal names, besides the weakest."""
 
 
 @dataclass(frozen=True)
@@ -34,11 +34,11 @@ class ClaimLine:
     engine: str
     badge: str
     words: str
-    """The badge, without what it stands on."""
+    """The badge, without the mark for a stand-in or a fit."""
     kind: OrderKind
     """Outcome, or why there is none."""
     style: str
-    """Its CSS classes: what is no evidence looks like none."""
+    """Its CSS classes, which show outcomes that are no evidence differently."""
     says: str
     paper: str
     ours: str
@@ -46,22 +46,22 @@ class ClaimLine:
     where: str
     anchor: str
     weak: str
-    """Why it is no evidence: fitted, or on a stand-in; else empty."""
+    """Why it is no evidence (fitted, or on a stand-in); else empty."""
     chance: str
-    """With what chance it would have shown, or how many runs would decide; else empty."""
+    """The chance that it would have shown, or how many runs would decide; else empty."""
     pairs: str
-    """`8 of 9 pairs hold`; empty of a single one."""
+    """`8 of 9 pairs hold`; empty for a single pair."""
     others: list[PairLine]
-    """The pairs that are not shown, those that do not hold first."""
+    """The pairs besides the shown one, failing ones first."""
 
     @property
     def failing(self) -> list[PairLine]:
-        """Pairs beside the shown one that do not hold."""
+        """Returns the pairs besides the shown one that do not hold."""
         return [pair for pair in self.others if pair.outcome != "holds"]
 
     @property
     def other_pairs(self) -> str:
-        """What the disclosure with the other pairs is called."""
+        """Returns the heading of the fold-out list of other pairs."""
         many, failing = len(self.others), len(self.failing)
         what = "the other pair" if many == 1 else f"the other {many} pairs"
         if not failing:
@@ -72,7 +72,7 @@ class ClaimLine:
 
     @property
     def line(self) -> str:
-        """For the terminal."""
+        """Returns the claim for the terminal."""
         message = f"[{self.badge}] {self.says}: paper {self.paper}, ours {self.ours}"
         parts = [f"; {words}" for words in (self.pairs, self.chance) if words]
         if failing := self.failing:
@@ -83,18 +83,19 @@ class ClaimLine:
 
 
 def claim_lines(column: Column) -> list[ClaimLine]:
-    """The main claims; all declared orderings where none is called a main one."""
+    """Returns the main claims, or all declared orderings if none is marked as main."""
     main = [o for o in column.orderings if o.contrast.main] or column.orderings
     return [_claim(column.engine, o) for o in main]
 
 
 def claims_per_engine(columns: list[Column]) -> list[list[ClaimLine]]:
-    """Every main claim with what each kind of engine says of it."""
+    """Returns every main claim with its lines per kind of engine."""
     return [list(lines) for lines in zip(*map(claim_lines, columns), strict=True)]
 
 
 def in_short(assumed: Sequence[str]) -> list[str]:
-    """What differs in its percentage alone is one assumption, with the smallest and the largest."""
+    """Merges assumptions that differ only in their percentage, with the smallest and the
+    largest."""
     percents: dict[str, list[int]] = {}
     for text in assumed:
         what, _, rest = text.partition(" (")
@@ -159,11 +160,11 @@ def _chance(item: JudgedOrdering) -> str:
 
 
 def definitions(columns: list[Column]) -> list[tuple[str, str]]:
-    """Of the outcomes on this page that do not explain themselves."""
+    """Returns definitions of outcomes on this page that need an explanation."""
     found = {line.kind for column in columns for line in claim_lines(column)}
     return [(KINDS[kind].upper(), words) for kind, words in DEFINITIONS.items() if kind in found]
 
 
 def text_lines(lines: list[int]) -> str:
-    """`line 12`, `lines 12, 14`: where the paper's plain text says so."""
+    """Returns `line 12` or `lines 12, 14` of the paper's plain text."""
     return f"line{'s' if len(lines) > 1 else ''} {', '.join(map(str, lines))}"

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""One page per paper, one over all: HTML, Markdown and LaTeX of the same verdicts."""
+"""Writes one page per paper and an overview: HTML, Markdown and LaTeX of the same verdicts."""
 
 import os
 from dataclasses import dataclass
@@ -40,7 +40,7 @@ from slambed.report.page import STYLE
 from slambed.report.tables import Table
 
 RUNS_LINKED = 5
-"""Runs of a number that are named; the others are counted."""
+"""How many runs of a number are linked; the others are counted."""
 
 
 @dataclass(frozen=True)
@@ -50,14 +50,14 @@ class PaperPage:
     html: Path
     markdown: Path
     lines: list[str]
-    """The page in the terminal."""
+    """The page's summary for the terminal."""
     verdicts: PaperVerdicts | None
 
 
 @lru_cache
 def environment(package: str = "slambed.papers") -> jinja2.Environment:
-    """Templates of a package, which may include those of papers; everything that is not marked safe
-    is escaped."""
+    """Returns the templates of a package, which may include those of papers; values not marked safe
+    are escaped."""
     folders = [jinja2.PackageLoader(name) for name in dict.fromkeys((package, "slambed.papers"))]
     return jinja2.Environment(
         loader=jinja2.ChoiceLoader(folders),
@@ -71,8 +71,8 @@ def environment(package: str = "slambed.papers") -> jinja2.Environment:
 def write_paper_page(
     paper: Paper, experiments: list[Results], folder: Path, overview: bool = False
 ) -> PaperPage:
-    """Writes `<folder>/<paper id>/index.html`, page.md and tables; `overview` says that the page
-    over all papers will be written too, so that this one may point to it."""
+    """Writes `<folder>/<paper id>/index.html`, page.md and tables; with `overview` the page links
+    to the overview, which is written too."""
     target = folder / paper.id
     target.mkdir(parents=True, exist_ok=True)
     pool = pool_of(experiments)
@@ -171,7 +171,7 @@ def _margin_words(name: str, margin: Any) -> str:
 def _entry(
     verdicts: PaperVerdicts, name: str, folders: dict[str, Path], target: Path
 ) -> dict[str, Any]:
-    """A number with all that led to its marks."""
+    """Returns a number with everything that led to its marks."""
     cell = verdicts.cells[name]
     return {
         "id": name,
@@ -206,7 +206,7 @@ def _ours(column: Column, row: Judged, folders: dict[str, Path], target: Path) -
 
 
 def _place(paper: Paper, source: str) -> str:
-    """Section, and lines of the paper's plain text."""
+    """Returns the section, and the lines of the paper's plain text."""
     places = {t.id: (t.where, t.lines) for t in paper.tables}
     places |= {c.id: (c.where, c.lines) for c in paper.claims}
     where, lines = places.get(source, (source, []))
@@ -218,7 +218,7 @@ def _relative(path: Path, target: Path) -> str:
 
 
 def counts_table(verdicts: PaperVerdicts, column: Column) -> Table:
-    """The stacked bars as numbers."""
+    """Returns the stacked bars as numbers."""
     headings = ["table", *MARKS.values(), "all", "compared"]
     table = Table("counts", "Printed numbers by verdict", headings)
     for _, label, ids in verdicts.groups():
@@ -248,7 +248,8 @@ def _markdown(verdicts: PaperVerdicts, experiments: list[Results], tables: list[
 
 
 def _peer_page(paper: Paper, pool: Pool, target: Path) -> PaperPage:
-    """Another program beside ours: a table per set-up, no verdicts of these rules."""
+    """Writes the page of another program compared with ours: a table per set-up, without
+    verdicts."""
     tables = peer_tables(paper, pool)
     line = f"{paper.id}: {len(tables)} of {len(paper.setups)} set-ups were run"
     html, markdown = target / "index.html", target / "page.md"

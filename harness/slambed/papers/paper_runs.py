@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Which experiments a paper's page is made of."""
+"""Finds the experiments behind a paper's page."""
 
 from pathlib import Path
 
@@ -10,8 +10,8 @@ from slambed.papers.published import Paper
 
 
 def experiments_of(papers: list[Paper], folder: Path | None = None) -> list[str]:
-    """Names of the experiment files that `reproduces` anything of these papers, and of the set-ups
-    of peers. Raises SlambedError when there is none."""
+    """Returns the experiments whose `reproduces` names something of these papers, or that are
+    set-ups of peers. Raises SlambedError when there are none."""
     folder = folder or repository_root() / "experiments"
     found: list[str] = []
     for path in sorted(folder.glob("*.yaml")):
@@ -26,8 +26,8 @@ def experiments_of(papers: list[Paper], folder: Path | None = None) -> list[str]
 
 
 def sizes_of(paper: Paper) -> dict[str, tuple[int, int, float]]:
-    """(cells, usual runs per cell, played seconds) of every experiment of a paper; none where no
-    experiment reproduces anything of it."""
+    """Returns (cells, default runs per cell, played seconds) of every experiment of a paper; empty
+    if no experiment reproduces any of it."""
     from slambed.campaign.plan import planned_runs
     from slambed.spec.library import Library
 
@@ -49,10 +49,10 @@ def sizes_of(paper: Paper) -> dict[str, tuple[int, int, float]]:
 
 
 def paper_seconds(paper: Paper) -> float:
-    """The longest that the paper plays, where it says so."""
+    """Returns the longest time in s that the paper plays, if it is known."""
     known = [d.played_s for d in paper.datasets.values() if d.played_s is not None]
     return max(known, default=USUAL_S)
 
 
 USUAL_S = 90.0
-"""Of a recorded sequence whose length nothing says."""
+"""Assumed length of a sequence in s when the paper does not give one."""

@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a paper's page shows, computed: headline, bars, twins of tables, reasons, circumstances."""
+"""Computes what a paper's page shows: headline, bars, copies of tables, reasons, conditions of the
+runs."""
 
 from collections import Counter
 from dataclasses import dataclass
@@ -23,7 +24,7 @@ MARK_WORDS: dict[Mark, str] = MARKS | {
     "S": "stand-in: played on substitute data",
     "E": "run, but kept without events",
 }
-"""For the legend."""
+"""Words for the legend."""
 REASONS = 3
 SHOWN_CLAIMS = 4
 
@@ -41,12 +42,12 @@ class Bar:
 
 @dataclass(frozen=True)
 class TwinCell:
-    """One place of a table's twin."""
+    """One cell of a table's copy."""
 
     id: str
     paper: str
     ours: list[tuple[str, Mark, str, str]]
-    """Per engine: our number, mark, reason, and how far a fitted one is off."""
+    """Per engine: our number, mark, reason, and how far off a fitted number is."""
 
 
 @dataclass(frozen=True)
@@ -60,7 +61,7 @@ class Twin:
 
 @dataclass(frozen=True)
 class Circumstance:
-    """How the runs of one kind of engine were made."""
+    """The conditions under which the runs of one kind of engine were made."""
 
     engine: str
     line: str
@@ -73,19 +74,19 @@ class Circumstance:
 
 
 def bars(verdicts: PaperVerdicts, column: Column) -> list[Bar]:
-    """One per table and one of the text, over all numbers that the paper prints."""
+    """Returns one bar per table and one for the text, over all printed numbers."""
     return [bar(label, name, column, ids) for name, label, ids in verdicts.groups()]
 
 
 def bar(label: str, anchor: str, column: Column, ids: list[str]) -> Bar:
-    """Counts of these numbers by mark."""
+    """Counts these numbers by mark."""
     found = column.marks(ids)
     segments = [(m, found[m], 100 * found[m] / len(ids)) for m in MARKS if found[m]]
     return Bar(label, anchor, len(ids), segments)
 
 
 def twin(verdicts: PaperVerdicts, table: PublishedTable) -> Twin:
-    """The table with the paper's number, ours and the mark at every place."""
+    """Returns the table with the paper's number, ours and the mark in every cell."""
     rows: list[tuple[str, list[TwinCell | None]]] = []
     for name, row in table.rows.items():
         cells: list[TwinCell | None] = []
@@ -116,16 +117,16 @@ def _short(row: Judged) -> str:
 
 @dataclass(frozen=True)
 class WhyNot:
-    """Why numbers have no verdict of their own: the largest reasons, and all others."""
+    """Why numbers have no verdict of their own: the most frequent reasons, and the rest."""
 
     reasons: list[str]
     rest: list[str]
     numbers: int
-    """That the rest is about."""
+    """How many numbers the rest covers."""
 
     @property
     def more(self) -> str:
-        """`and 9 more reasons (19 numbers)`; empty where all are shown."""
+        """Returns `and 9 more reasons (19 numbers)`; empty if all are shown."""
         if not self.rest:
             return ""
         reasons = f"{len(self.rest)} more reason{'' if len(self.rest) == 1 else 's'}"
@@ -133,8 +134,8 @@ class WhyNot:
 
 
 def why_not(verdicts: PaperVerdicts, column: Column) -> WhyNot:
-    """The blocks of numbers without a verdict of their own, with what would help; the largest
-    first."""
+    """Groups the numbers without a verdict of their own by reason, with what would help; the
+    largest group first."""
     blocks: Counter[str] = Counter()
     for row in column.rows.values():
         if row.mark == "S":
@@ -173,7 +174,7 @@ def _how_to_run(paper: Paper) -> str:
 def _stand_in(verdicts: PaperVerdicts, row: Judged) -> str:
     ours = row.measured.found.dataset
     name = row.cell.conditions.get("dataset")
-    if name is None:  # of a number computed from others, which name it
+    if name is None:  # computed from other cells, which name the dataset
         return played_instead(ours, "the paper's sequence")
     dataset = verdicts.paper.datasets.get(str(name))
     wanted = dataset.match[0] if dataset is not None and dataset.match else str(name)
@@ -188,7 +189,7 @@ def _undecided(row: Judged) -> str:
 
 
 def headline(verdicts: PaperVerdicts, column: Column) -> list[str]:
-    """What a reader shall take away: a sentence about the claims, one about the numbers."""
+    """Returns the takeaway: a sentence about the claims, one about the numbers."""
     claims, rows = claim_lines(column), list(column.rows.values())
     if not column.engine:
         twice = sum(row.mark == "P" for row in rows)
@@ -223,11 +224,12 @@ CLAIM_WORDS: dict[str, tuple[str, str]] = {
     KINDS["half_run"]: ("is not all run", "are not all run"),
     KINDS["not_run"]: ("is not run", "are not run"),
 }
-"""Of one, and of several."""
+"""Singular and plural."""
 
 
 def _numbers(rows: list[Judged]) -> str:
-    """How many could be compared at all comes first: where none could, none differs either."""
+    """Returns the sentence about the numbers. It starts with how many could be compared, because
+    with none, none differs either."""
     marks = Counter(row.mark for row in rows)
     judged = {
         "reproduced": marks["R"],
@@ -249,7 +251,7 @@ NOT_COMPARED = (
     "from the paper's own data", "settings or repeated",
     "run but kept without events", "without a number of ours", "not run",
 )  # fmt: skip
-"""What a reader must take for neither agreement nor difference."""
+"""Groups that are neither agreement nor difference."""
 
 
 def _not_compared(row: Judged) -> str:
@@ -261,7 +263,7 @@ def _not_compared(row: Judged) -> str:
 
 
 def _weak(reasons: list[str]) -> str:
-    """` (on a stand-in)`, or of some of several ` (1 on a stand-in, 2 fitted)`."""
+    """Returns ` (on a stand-in)` if it applies to all, else ` (1 on a stand-in, 2 fitted)`."""
     counts = Counter(reason for reason in reasons if reason)
     if list(counts.values()) == [len(reasons)]:
         return f" ({next(iter(counts))})"
@@ -275,7 +277,7 @@ RUNS_WORDS = {"virtual": "runs simulated in virtual time"}
 def circumstance(
     verdicts: PaperVerdicts, column: Column, experiments: list[Results]
 ) -> Circumstance:
-    """Engine, devices, commit, seeds, plan and how many runs stand behind a number."""
+    """Returns engine, devices, commit, seeds, plan and runs per number."""
     used = [r for r in experiments if r.name in _experiments(column)]
     commits = sorted({c[:7] for r in used for c in r.facts.get("commit", {})})
     dirty = any("True" in r.facts.get("dirty", {}) for r in used)
@@ -305,7 +307,7 @@ def circumstance(
 
 
 def _runs_of(row: Judged) -> int:
-    """Runs that were played for a number; those that it leaves out, such as lost ones, too."""
+    """Returns the runs played for a number, including those it leaves out, such as lost ones."""
     found = row.measured.found.runs
     return len(row.measured.values) if found is None else len(found)
 
@@ -326,7 +328,7 @@ def _experiments(column: Column) -> set[str]:
 
 
 def twelve_lines(verdicts: PaperVerdicts, experiments: list[Results]) -> list[str]:
-    """The page in the terminal: at most twelve lines per kind of engine."""
+    """Returns the page for the terminal: at most twelve lines per kind of engine."""
     found: list[str] = []
     for column in verdicts.columns:
         title = f"{verdicts.paper.paper.title} ({verdicts.paper.paper.year})"

@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Our program beside another one on the same frames: ratios and whether they meet the aim."""
+"""Compares our program with another one on the same frames: ratios, and whether they meet the
+target."""
 
 from slambed.data.stand_in import played_instead
 from slambed.metrics.catalog import metric
@@ -10,7 +11,7 @@ from slambed.report.tables import Table, around
 
 
 def peer_tables(paper: Paper, pool: Pool) -> list[Table]:
-    """One table per set-up that we have runs of."""
+    """Returns one table per set-up that we have runs of."""
     tables = (_table(paper, name, setup, pool) for name, setup in paper.setups.items())
     return [table for table in tables if table is not None]
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Before a campaign: what it can decide about a paper, and what it costs."""
+"""Predicts before a campaign what it can decide about a paper, and what it costs."""
 
 from dataclasses import dataclass
 from datetime import datetime
@@ -28,7 +28,7 @@ RUNS = (10, 30, 100, 300)
 
 
 def ordering_powers(paper: Paper, runs: tuple[int, ...] = RUNS) -> Table:
-    """Chance that each declared ordering holds, if the paper's numbers are true."""
+    """Returns the chance that each declared ordering holds, if the paper's numbers are true."""
     judge = Judge(paper, pool_of([]), cells_of(paper), frozenset())
     cases = [OrderingCase(judge, contrast) for contrast in paper.contrasts]
     adjusted = _adjusted(cases)
@@ -73,8 +73,8 @@ def _adjusted(cases: list[OrderingCase]) -> dict[str, float]:
 
 
 def number_powers(paper: Paper, runs: tuple[int, ...] = RUNS) -> Table:
-    """How many numbers of every table would be reproduced on the paper's own sequences, if ours is
-    the same system: the sum of their chances."""
+    """Returns how many numbers of each table would be reproduced on the paper's own sequences if
+    our system is the same: the sum of their chances."""
     cells = cells_of(paper)
     judge = Judge(paper, pool_of([]), cells, frozenset())
     table = Table(
@@ -118,14 +118,13 @@ class Cost:
     measured: bool
 
     def row(self) -> list[str]:
-        """For the table."""
         how = "measured here" if self.measured else "assumed"
         return [self.experiment, str(self.cells), str(self.runs), str(self.cells * self.runs),
                 f"{self.minutes:.0f}", how]  # fmt: skip
 
 
 VIRTUAL_SHARE = 0.1
-"""Part of the played time that a virtual run takes, where none was measured."""
+"""Fraction of the played time that a virtual run takes, if none was measured."""
 
 
 def costs(
@@ -135,8 +134,8 @@ def costs(
     results: Path,
     jobs: int,
 ) -> Table:
-    """Runs and minutes per experiment; `experiments` has (cells, runs per cell, played seconds) of
-    each. The plan's runs per cell are taken where there is one."""
+    """Returns runs and minutes per experiment; `experiments` has (cells, runs per cell, played
+    seconds) of each. A plan's runs per cell take precedence."""
     planned = {item.experiment: item.runs for item in plan.runs} if plan is not None else {}
     found = []
     for name, (cells, usual, played_s) in experiments.items():
@@ -159,8 +158,8 @@ def costs(
 
 
 def seconds_per_run(ledger: Path) -> float | None:
-    """Wall time between two finished runs of a campaign, all processes together: a
-    trimmed mean over its ledger; None without five of them."""
+    """Returns the wall time in s between finished runs of a campaign over all processes, a trimmed
+    mean of its ledger; None with fewer than five runs."""
     times = [
         datetime.fromisoformat(str(entry["time_utc"])).timestamp()
         for entry in Ledger(ledger).read()
@@ -168,7 +167,7 @@ def seconds_per_run(ledger: Path) -> float | None:
     ]
     if len(times) < 5:
         return None
-    # Breaks between campaigns are a few long gaps: the middle four fifths leave them out.
+    # Trimming a tenth at each end removes the few long gaps between campaigns.
     gaps = np.sort(np.diff(np.sort(times)))
     cut = len(gaps) // 10
     return float(gaps[cut : len(gaps) - cut].mean())

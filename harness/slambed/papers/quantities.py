@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Statements about several cells: reductions, increases, ratios, differences, maxima, one number of
-each, windows of time."""
+"""Judges statements about several cells: reductions, increases, ratios, differences, maxima, one
+number for each, time windows."""
 
 from dataclasses import replace
 from typing import Literal
@@ -45,13 +45,13 @@ BOUND_OPS: dict[str, Literal["lt", "le", "gt", "ge"]] = {
     "lt": "lt", "le": "le", "gt": "gt", "ge": "ge",
 }  # fmt: skip
 WORST: tuple[Outcome, ...] = ("differs", "not_run", "inconclusive", "reproduced")
-"""What is said of several numbers at once is no better than the first of these among them."""
+"""Outcomes from worst to best; several numbers together get the worst of theirs."""
 
 
 def judge_quantity(
     paper: Paper, pool: Pool, cells: dict[str, PublishedCell], cell: PublishedCell
 ) -> tuple[Verdict, Measured]:
-    """The verdict on a claim with a `quantity`, and the runs behind it (those of `of`)."""
+    """Returns the verdict on a claim with a `quantity`, and the runs of its `of` side."""
     claim = cell.claim
     assert claim is not None and claim.quantity is not None
     quantity = claim.quantity
@@ -79,7 +79,7 @@ def _measured(
 
 
 def _pair(of: Measured, base: Measured) -> Pair:
-    """Paired by seed where both have the same repetitions, once each."""
+    """Pairs the sides by seed if both have the same repetitions, once each."""
     one, two = (
         dict(zip(base.repetitions, base.values, strict=False)),
         dict(zip(of.repetitions, of.values, strict=False)),
@@ -128,7 +128,7 @@ def _two(
 
 
 def _bounded(pair: Pair, stated: float, op: str, reduction: bool) -> Verdict:
-    """`More than 50 % less`: the one-sided limit of what is left, as a bound on its logarithm."""
+    """Judges `more than 50 % less` by the one-sided limit of ln(of / base)."""
     if pair.fewest < FEWEST_RUNS:
         return too_few(pair.fewest, "ratio", None)
     left = pair.left()
@@ -153,8 +153,8 @@ def _bounded(pair: Pair, stated: float, op: str, reduction: bool) -> Verdict:
 
 
 def _increase(pair: Pair, stated: float, digit: float, op: str) -> Verdict:
-    """`About x % more`: ours in percent, within a third of what is stated, for `about` a
-    quarter."""
+    """Judges `x % more`: ours must be within a third of the stated percentage, or a quarter for
+    `about`."""
     if pair.fewest < FEWEST_RUNS:
         return too_few(pair.fewest, "difference", None)
     if not (pair.before.value > 0 and pair.after.value > 0):
@@ -173,8 +173,8 @@ def _increase(pair: Pair, stated: float, digit: float, op: str) -> Verdict:
 
 
 def _of_two(quantity: Ratio, of: Measured, base: Measured) -> Measured:
-    """The quantity of every run against the base's mean, in the claim's unit: its mean is what the
-    verdict is about. A share is one number of all runs and stays as it is."""
+    """Returns the quantity of every run relative to the base's mean, in the claim's unit. A share
+    is one number over all runs and stays unchanged."""
     against = base.mean.value
     if of.is_share or not against:
         return of
@@ -191,8 +191,8 @@ def _of_two(quantity: Ratio, of: Measured, base: Measured) -> Measured:
 def _each(
     paper: Paper, pool: Pool, cells: dict[str, PublishedCell], cell: PublishedCell, quantity: Each
 ) -> tuple[Verdict, Measured]:
-    """Reproduced where each of them is, differs where one does; the one that decides is
-    reported."""
+    """Judges one number for several cells: reproduced if each is, differs if one does. The decisive
+    one is reported."""
     found = [(operand, _measured(paper, pool, cells, operand)) for operand in quantity.of]
     for _, side in found:
         if not side.there:
@@ -265,8 +265,8 @@ def _window(
     cell: PublishedCell,
     quantity: WindowShare,
 ) -> tuple[Verdict, Measured]:
-    """Losses (`loss_times_s`) that begin within the window, of all losses; or runs with such a
-    loss, of all runs."""
+    """Judges the share of losses (`loss_times_s`) that begin in the window, or of runs with such a
+    loss."""
     of = _measured(paper, pool, cells, quantity.of)
     if not of.there:
         return not_run(of.found.reason), of

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Numbers that need a second run: how far live poses were from those of a reference system."""
+"""Numbers that need a second run: the error of live poses against a reference system's."""
 
 from collections.abc import Mapping
 
@@ -12,16 +12,17 @@ from slambed.metrics.reference_path import error_to_reference, reference_of
 from slambed.report.load import Results
 
 MOST_REFERENCES = 10
-"""Reference runs per sequence that the one to compare with is chosen from."""
+"""Most reference runs per sequence among which the reference is chosen."""
 
 
 def reference_errors(
     results: Mapping[str, Results], runs: pd.DataFrame, references: pd.DataFrame
 ) -> "pd.Series[float]":
-    """RMSE in meters of every run's live path to the reference run of its sequence, not aligned.
+    """Returns the RMSE in meters of every run's live path to the reference run of its sequence,
+    without alignment.
 
-    `runs` and `references` have the columns `experiment_folder`, `run_key` and `dataset`. NaN where
-    a run or its sequence's references have no live path, or where no time stamps agree.
+    `runs` and `references` have the columns `experiment_folder`, `run_key` and `dataset`. The value
+    is NaN where a live path is missing or no timestamps match.
     """
     found: dict[object, float] = {}
     for dataset, own in runs.groupby("dataset"):
@@ -41,7 +42,8 @@ def reference_errors(
 
 
 def live_path(results: Mapping[str, Results], experiment: str, key: str) -> Trajectory | None:
-    """The poses of a stored run as they were when they were needed; None where it has none."""
+    """Returns the live poses of a stored run, as estimated at the time of each frame; None without
+    them."""
     folder = results[experiment].folder / "runs" / key
     for path in (folder / "mobile" / "trajectory_live.txt", folder / "trajectory_live.txt"):
         if path.is_file():

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Whether results keep to the plan that was written before them (papers/<id>/plan.yaml)."""
+"""Checks results against the plan that was written before them (papers/<id>/plan.yaml)."""
 
 from collections import Counter
 from collections.abc import Mapping
@@ -16,7 +16,7 @@ from slambed.report.load import Results
 
 @dataclass(frozen=True)
 class PlanLine:
-    """One sentence; `bad` where a result does not keep to its plan."""
+    """One sentence; `bad` where a result deviates from its plan."""
 
     text: str
     bad: bool = False
@@ -25,7 +25,8 @@ class PlanLine:
 def plan_lines(
     paper: Paper, plan: PaperPlan | None, column: Column, used: list[Results]
 ) -> list[PlanLine]:
-    """What is to be known of the plan of these runs, which are those of `used`."""
+    """Returns sentences about the plan of the runs in `column`, which come from the experiments
+    `used`."""
     own = _own(column, used)
     if plan is None:
         seen = written_in(own, f"plan.{paper.id}")
@@ -59,8 +60,8 @@ def plan_lines(
         if seed is not None and seed != item.seed:
             text = f"{results.name}: seed {seed}, {item.seed} was planned."
             found.append(PlanLine(text, bad=True))
-        # A run that several experiments have in common is in the column once, under one of them.
-        # Cells that no number is of, such as another codec's, decide nothing and are not counted.
+        # A run that several experiments share is in the column once, under one of them. Cells
+        # without a published number, such as another codec's, decide nothing and are not counted.
         runs = results.runs[results.runs["run_key"].isin(behind)]
         fewest = int(runs.groupby("cell").size().min()) if len(runs) else 0
         if fewest < item.runs:
@@ -78,7 +79,7 @@ def plan_lines(
 
 
 def _own(column: Column, used: list[Results]) -> pd.DataFrame:
-    """The runs that stand behind numbers and orderings."""
+    """Returns the runs behind numbers and orderings."""
     if "experiment_folder" not in column.runs:
         return column.runs.head(0)
     return column.runs[column.runs["experiment_folder"].isin({r.name for r in used})]
@@ -90,8 +91,8 @@ def _counted(reported: Mapping[str, int], runs: pd.DataFrame) -> str:
 
 
 def cells_behind(column: Column) -> set[str]:
-    """Keys of the runs of all cells that a number or an ordering is made of, those among them that
-    a number leaves out too, such as lost ones."""
+    """Returns the run keys of all cells that a number or an ordering uses, including runs that a
+    number leaves out, such as lost ones."""
     used = {key for row in column.rows.values() for _, key in row.measured.keys}
     used |= {
         key for o in column.orderings for chain in o.chains for _, m in chain for _, key in m.keys
@@ -104,9 +105,9 @@ def cells_behind(column: Column) -> set[str]:
 
 
 def _made(plan: PaperPlan, runs: pd.DataFrame) -> list[PlanLine]:
-    """When and under which plan the runs were executed, by what they keep of it: a plan that was
-    rewritten after a look at results, with its old date, has another digest. Runs with one story
-    are reported in one sentence, with its cause."""
+    """Returns when and under which plan the runs were executed, from their manifests. A plan that
+    was rewritten after the results, with its old date, has another digest. Runs with the same
+    deviation share one sentence."""
     times = [_time(value) for value in runs["started_utc"]] if "started_utc" in runs else []
     early = [time is not None and plan.made_before(time) for time in times] or [False] * len(runs)
     plans, mappings = (_written(runs, f"{k}.{plan.paper}") for k in ("plan", "plan_frozen"))
@@ -123,7 +124,7 @@ def _made(plan: PaperPlan, runs: pd.DataFrame) -> list[PlanLine]:
 
 
 def _story(plan: PaperPlan, before: bool, digest: str, frozen: str, count: int) -> str:
-    """How these runs were made, where that is not as planned."""
+    """Returns how these runs deviate from the plan; empty if they do not."""
     parts = ["before the plan was written"] if before else []
     if digest and digest != plan.digest:
         parts.append(f"under another plan ({digest})")
@@ -142,12 +143,12 @@ def _story(plan: PaperPlan, before: bool, digest: str, frozen: str, count: int) 
 
 
 def written_in(runs: pd.DataFrame, key: str) -> "Counter[str]":
-    """How many runs have what written into them; empty where nothing was."""
+    """Counts the values of a manifest key over the runs; empty for runs without it."""
     return Counter(_written(runs, key))
 
 
 def _written(runs: pd.DataFrame, key: str) -> list[str]:
-    """What was written into each run as it was executed; empty where nothing was."""
+    """Returns the value of a manifest key of each run; empty for runs without it."""
     values = runs[key] if key in runs else [None] * len(runs)
     return [value if isinstance(value, str) else "" for value in values]
 
@@ -181,11 +182,11 @@ def _devices(plan: PaperPlan, runs: pd.DataFrame) -> list[PlanLine]:
 
 
 NAMED = 3
-"""Devices that are named; the others are counted."""
+"""How many devices are named; the others are counted."""
 
 
 def plan_words(lines: list[PlanLine], plan: PaperPlan | None, ran: bool = True) -> str:
-    """For one line of text: the plan's digest and how many things are not as planned."""
+    """Returns the plan's digest and the number of deviations, for one line of text."""
     if plan is None:
         return "no plan"
     wrong = sum(line.bad for line in lines)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""One strip per paper: how far ours is from every judged number, with the margins, as SVG."""
+"""Draws one strip per paper as SVG: how far ours is from every judged number, with the margins."""
 
 from dataclasses import dataclass
 from math import log
@@ -10,7 +10,7 @@ COLORS: dict[Mark, str] = {
     "R": "#009E73", "D": "#D55E00", "I": "#F0CE52", "N": "#DCDCDC", "E": "#CDB891", "F": "#CC79A7",
     "S": "#7CC4EE", "P": "#9A9A9A",
 }  # fmt: skip
-"""Okabe and Ito's hues where they have one; letters repeat them for gray prints."""
+"""Hues of Okabe and Ito where they have one; letters repeat them for grayscale prints."""
 WIDTH = 640
 LABEL = 170
 LANE = 20
@@ -32,22 +32,23 @@ class Lane:
 
     @property
     def end(self) -> float:
-        """Largest effect that is drawn at its place; beyond it a point sits at the edge."""
+        """Returns the largest effect on the axis; larger ones are drawn at the edge."""
         return RATIO_END if self.ratio else POINTS_END
 
     @property
     def height(self) -> float:
-        """Pixels: more for more points."""
+        """Returns the height in pixels, which grows with the number of points."""
         return min(MOST_HIGH, LANE + PER_POINT * len(self.rows))
 
     def place(self, effect: float) -> float:
-        """Pixels from the left."""
+        """Returns the position of an effect in pixels from the left."""
         half = (WIDTH - LABEL - 20) / 2
         return LABEL + half + half * max(-1.0, min(1.0, effect / self.end))
 
 
 def lanes_of(rows: list[Judged]) -> list[Lane]:
-    """Per metric; only numbers with an effect on a common axis (log ratio, or points)."""
+    """Returns one lane per metric, with the numbers whose effect fits a common axis (log ratio, or
+    points)."""
     drawn = [
         r for r in rows if r.verdict.effect == r.verdict.effect and r.verdict.scale != "difference"
     ]
@@ -60,7 +61,7 @@ def lanes_of(rows: list[Judged]) -> list[Lane]:
 
 
 def strip_svg(rows: list[Judged], prefix: str) -> str:
-    """The picture; every point links to `#<prefix><cell id>`. Empty where nothing can be drawn."""
+    """Returns the SVG; every point links to `#<prefix><cell id>`. Empty if nothing can be drawn."""
     lanes = lanes_of(rows)
     if not lanes:
         return ""
@@ -129,7 +130,7 @@ def _axis(lane: Lane, top: float) -> str:
 
 
 def histogram_svg(bins: tuple[int, ...]) -> str:
-    """Where published numbers lie among our predictions, in ten bins; flat is right."""
+    """Draws the quantiles of published numbers in our predictions, in ten bins; flat is right."""
     most = max([*bins, 1])
     bars = "".join(
         f'<rect x="{14 * i + 1}" y="{34 - 30 * n / most:.1f}" width="12" '
@@ -149,5 +150,5 @@ def _words(metric: str) -> str:
 
 
 def escaped(text: str) -> str:
-    """For the inside of SVG elements."""
+    """Escapes text for use inside SVG elements."""
     return text.replace("&", "&amp;").replace("<", "&lt;").replace(">", "&gt;")

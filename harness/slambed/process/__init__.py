@@ -1,2 +1,2 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Processes of a run: how they talk, how they ended, their namespaces and standard streams."""
+"""Processes of a run: messages between them, exit codes, namespaces and standard streams."""

@@ -1,26 +1,26 @@
 # SPDX-License-Identifier: Apache-2.0
-"""How a process ended, and whether that was its own doing."""
+"""How a process ended, and whether something outside it caused that."""
 
 import signal
 
 FROM_OUTSIDE = (signal.SIGKILL, signal.SIGTERM, signal.SIGINT, signal.SIGHUP)
-"""No program sends these to itself: a kernel out of memory, a daemon going down, a user do."""
+"""No program sends these to itself; the kernel's OOM killer, a stopping daemon or a user does."""
 BY_SHELLS = 128
 """Shells and Docker report the end by signal n as exit code 128 + n."""
 
 
 def signal_of(code: int) -> int | None:
-    """The signal that ended a process; None when it exited by itself."""
+    """Returns the signal that ended a process; None when it exited by itself."""
     if code < 0:
         return -code
     return code - BY_SHELLS if BY_SHELLS < code <= BY_SHELLS + signal.NSIG else None
 
 
 def ended_from_outside(code: int) -> bool:
-    """Whether somebody else ended it: a crash is another signal."""
+    """Returns whether something outside the process ended it; a crash has another signal."""
     return signal_of(code) in FROM_OUTSIDE
 
 
 def ending(code: int) -> str:
-    """`signal 9` or `exit code 3`."""
+    """Returns `signal 9` or `exit code 3`."""
     return f"signal {-code}" if code < 0 else f"exit code {code}"

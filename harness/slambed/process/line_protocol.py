@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The one way in which processes of a run talk: a message is a line of JSON, and has a model.
+"""The protocol between processes of a run: each message is a line of JSON with a model.
 
-Who asks holds a `LineProcess`; who answers reads with a `LineReader`. What is no whole message of a
-kind that is understood is one error, raised here and nowhere else.
+The requesting side uses a `LineProcess`, the answering side a `LineReader`. Malformed and unknown
+messages raise one error, only here.
 """
 
 import contextlib
@@ -28,69 +28,69 @@ A = TypeVar("A", bound="Message")
 
 
 class Message(BaseModel):
-    """What a line says; a kind that is one of several has a field of its own, `request` or
-    `reply`."""
+    """Base class of messages; one of several kinds has a tag field, `request` or `reply`."""
 
     model_config = ConfigDict(extra="forbid", frozen=True)
 
 
 class Failure(Message):
-    """The answer of a process that could not do what it was asked."""
+    """Answer of a process that could not execute a request."""
 
     reply: Literal["failure"] = "failure"
     error: str
-    """One line: what, where, what to do."""
+    """One line: what failed, where, and what to do."""
     code: int
-    """As the process would exit with it."""
+    """Exit code of that process."""
     passes: bool = False
-    """Worth another try."""
+    """Whether another try may succeed."""
 
     @staticmethod
     def of(error: SlambedError) -> "Failure":
-        """A failure that passes stays one."""
+        """Converts an error; a temporary failure stays temporary."""
         passes = isinstance(error, PassingError)
         return Failure(error=str(error), code=int(error.code), passes=passes)
 
     def exception(self) -> SlambedError:
-        """What it was on the other side."""
+        """Converts it back to the error of the other side."""
         kind = PassingError if self.passes else SlambedError
         return kind(self.error, ExitCode(self.code))
 
 
 class Note(Message):
-    """What a process says for a person while its answer takes its time."""
+    """Progress message for the user while the answer is being computed."""
 
     reply: Literal["note"] = "note"
     line: str
 
 
 class Start(Message):
-    """Run time 0: the link's profile and the samples begin."""
+    """Sets run time 0: the link's profile and the samples begin."""
 
     request: Literal["start"] = "start"
     t0_ns: int
-    """On CLOCK_MONOTONIC."""
+    """CLOCK_MONOTONIC at run time 0."""
 
 
 class Started(Message):
-    """The answer."""
+    """Answer."""
 
     reply: Literal["started"] = "started"
 
 
 @cache
 def adapter(kind: Any) -> TypeAdapter[Any]:
-    """What reads messages of a kind, or of one of several."""
+    """Returns the parser for a message type or a union of them."""
     return TypeAdapter(kind)
 
 
 def line_of(message: Message) -> bytes:
-    """A message as it travels."""
+    """Returns the serialized message."""
     return message.model_dump_json().encode() + b"\n"
 
 
 def message_in(line: bytes, known: TypeAdapter[M], speaker: str) -> M:
-    """The message of a line; SlambedError (a bug of ours) where it is none that is known."""
+    """Parses a line. Raises SlambedError with the code of an internal error if it is no known
+    message."""
     try:
         return known.validate_json(line)
     except ValidationError as error:
@@ -104,13 +104,13 @@ def message_in(line: bytes, known: TypeAdapter[M], speaker: str) -> M:
 
 
 def send(stream: IO[str], message: Message) -> None:
-    """Says it at once."""
+    """Writes and flushes the message."""
     stream.write(line_of(message).decode())
     stream.flush()
 
 
 def bug(error: Exception) -> Failure:
-    """The answer where an error is not a known failure."""
+    """Returns the answer for an error that is no known failure."""
     line = f"a bug of slambed: {type(error).__name__}: {error}"
     return Failure(error=line, code=int(ExitCode.INTERNAL))
 
@@ -119,8 +119,8 @@ def bug(error: Exception) -> Failure:
 def last_answer(
     answer: Callable[[Message], None], describe: Callable[[Exception], Failure] = bug
 ) -> Iterator[None]:
-    """Around the work of a process that answers: the end of its input ends the work, and an error
-    becomes the last answer, so that the process that asked can report it."""
+    """Runs the work of a process that answers requests. The end of the input ends the work. An
+    error becomes the last answer, so that the process at the other end can report it."""
     try:
         yield
     except EOFError:
@@ -132,15 +132,15 @@ def last_answer(
 
 
 class LineReader:
-    """Whole lines from a descriptor, however they are cut into pieces on their way."""
+    """Reads whole lines from a descriptor, even if they arrive in pieces."""
 
     def __init__(self, fd: int) -> None:
         self._fd = fd
         self._buffer = b""
 
     def next(self, timeout_s: float | None) -> bytes | None:
-        """The next line; None when there is none in time (None: it waits for ever). Raises EOFError
-        at the end of the input."""
+        """Returns the next line; None after the timeout (`timeout_s` None: no timeout). Raises
+        EOFError at the end of the input."""
         deadline = None if timeout_s is None else time.monotonic() + timeout_s
         while b"\n" not in self._buffer:
             left = None if deadline is None else max(0.0, deadline - time.monotonic())
@@ -155,7 +155,8 @@ class LineReader:
 
 
 class LineProcess:
-    """A child that answers one request at a time; it ends with its input, however we die."""
+    """A child process that answers one request at a time. It exits when its input closes, even
+    if we are killed."""
 
     def __init__(self, command: list[str], name: str, errors: Path) -> None:
         self._name = name
@@ -166,7 +167,7 @@ class LineProcess:
                 stdin=subprocess.PIPE,
                 stdout=subprocess.PIPE,
                 stderr=log,
-                # Ctrl-C reaches the harness alone; it ends its children in its own order.
+                # Ctrl-C reaches only the harness, which stops its children in its own order.
                 start_new_session=True,
             )
         assert self._process.stdout is not None
@@ -179,8 +180,8 @@ class LineProcess:
         timeout_s: float,
         note: Callable[[str], None] = lambda line: None,
     ) -> A:
-        """The answer, of this kind; `note` hears what is said before it. PassingError when there is
-        none in time, SlambedError when it is a failure."""
+        """Returns the answer, of type `kind`; `note` receives progress messages before it.
+        Raises PassingError on a timeout, SlambedError when the answer is a failure."""
         assert self._process.stdin is not None
         try:
             self._process.stdin.write(line_of(request))
@@ -204,11 +205,11 @@ class LineProcess:
         return answer
 
     def alive(self) -> bool:
-        """False once it has ended."""
+        """Returns False once the process has ended."""
         return self._process.poll() is None
 
     def close(self, patience_s: float = STOP_TIMEOUT_S) -> None:
-        """Ends it, or kills it when it does not end in this time; calling it twice is harmless."""
+        """Closes its input and kills it after a timeout; safe to call twice."""
         if self._process.stdin is not None:
             with contextlib.suppress(OSError):
                 self._process.stdin.close()

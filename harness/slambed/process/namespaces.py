@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Doing things inside another network namespace, without leaving this process."""
+"""Executes functions in another network namespace, without moving this process."""
 
 import ctypes
 import os
@@ -16,15 +16,15 @@ CLONE_NEWNET = 0x40000000
 
 
 def namespace_path(namespace: str | Path) -> Path:
-    """A namespace's file: a path, or a name that `ip netns` knows."""
+    """Returns the file of a namespace, given as a path or a name of `ip netns`."""
     text = str(namespace)
     return Path(text) if "/" in text else Path("/run/netns") / text
 
 
 def inside(namespace: str | Path, work: Callable[[], Result]) -> Result:
-    """The result of `work` done by a short-lived thread inside the namespace.
+    """Runs `work` in a short-lived thread inside the namespace and returns its result.
 
-    Sockets it opens keep belonging to that namespace and can be used anywhere afterwards.
+    Sockets that it opens stay in that namespace and can be used from any thread afterwards.
     """
     path = namespace_path(namespace)
     outcome: list[Result] = []

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Standard input, output and error as whoever called left them: closed, or gone meanwhile with a
-terminal or a reader. Both behave like /dev/null: no run fails for want of somebody who reads."""
+"""Standard streams that the caller closed, or whose terminal or reader has gone. Both kinds then
+behave like /dev/null, so that no run fails because of them."""
 
 import os
 import select
@@ -11,29 +11,30 @@ GONE = select.POLLERR | select.POLLHUP | select.POLLNVAL
 
 
 def open_closed() -> None:
-    """Before any other file is opened, which would get the number of a closed one and be written
-    into by whatever prints."""
+    """Replaces closed streams. Must run before any other file is opened: that file would get the
+    free number, and printed output would be written into it."""
     for number, mode in ((INPUT, os.O_RDONLY), (OUTPUT, os.O_WRONLY), (ERROR, os.O_WRONLY)):
         try:
             os.fstat(number)
         except OSError:
-            # The lowest free number, which is this one; children inherit it like the others.
+            # os.open returns the lowest free number, which is this one. Children inherit it like
+            # the other streams.
             os.set_inheritable(os.open(os.devnull, mode), True)
-    # Python has none of those that were closed when it started.
+    # sys.stdin etc. are None for streams that were closed when Python started.
     sys.stdin = sys.stdin or os.fdopen(INPUT, closefd=False)
     sys.stdout = sys.stdout or os.fdopen(OUTPUT, "w", closefd=False)
     sys.stderr = sys.stderr or os.fdopen(ERROR, "w", closefd=False)
 
 
 def is_gone(number: int) -> bool:
-    """Whether nobody can read any more what is written there."""
+    """Returns whether the reader of this stream has gone."""
     stream = select.poll()
     stream.register(number, 0)
     return any(event & GONE for _, event in stream.poll(0))
 
 
 def replace_gone() -> bool:
-    """Outputs whose reader or terminal has gone take everything from now on; whether there were
+    """Redirects outputs without a reader or terminal to /dev/null; returns whether there were
     any."""
     gone = [number for number in (OUTPUT, ERROR) if is_gone(number)]
     for number in gone:

@@ -1,2 +1,2 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What files about a run say, as models: docs/formats.md has tables made from their fields."""
+"""Models of the files about a run; tables in docs/reference are generated from their fields."""

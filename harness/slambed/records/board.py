@@ -1,34 +1,34 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a manifest says about the board that executed a mobile node."""
+"""Facts in the manifest about the board that executed a mobile node."""
 
 from slambed.files.json_file import Record
 from slambed.link.clocks import Clocks
 
 
 class BoardFacts(Record):
-    """The machine of the mobile node, where it was another one than this."""
+    """The machine of the mobile node, if it was another machine."""
 
     name: str
-    """In the experiment's file."""
+    """Name in the experiment's file."""
     address: str
-    """IPv4, as ssh came to it."""
+    """IPv4 address that ssh connected to."""
     edge_address: str
-    """IPv4 of this machine, where it found the edge."""
+    """IPv4 address of this machine at which the board reached the edge."""
     architecture: str
-    """As its kernel names it."""
+    """Architecture as the kernel reports it."""
     model: str
-    """Of the board, or of its CPU where it names no board."""
+    """Model of the board, or of its CPU where the board reports no model."""
     cores: int
-    """CPUs that are online."""
+    """Number of online CPUs."""
     kernel: str
-    """Its release."""
+    """Release of its kernel."""
     docker: str | None = None
-    """Version of its daemon."""
+    """Version of its Docker daemon."""
     image_id: str | None = None
-    """Of the node image there."""
+    """Id of the node image on the board."""
     clocks: Clocks | None = None
-    """Its clock against this machine's."""
+    """Offset between its clock and this machine's."""
     sampler_cpu_percent: float | None = None
-    """Of one core of the board: what taking samples took."""
+    """CPU use of the sampler, in percent of one core of the board."""
     tcp: dict[str, str] | None = None
-    """TCP settings of its kernel, by their names in /proc/sys."""
+    """TCP settings of its kernel, by name in /proc/sys."""

@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The RunSpec of a run that was made, perhaps long ago: what is read of it afterwards."""
+"""The stored RunSpec of a finished run, possibly of an old version: the fields that are read
+back."""
 
 from typing import Annotated, Any
 
@@ -13,38 +14,38 @@ from slambed.spec.system import Role
 
 
 class KeptModel(Record):
-    """Of a cost model."""
+    """Fields of a cost model."""
 
     cores: int | None = None
 
 
 class KeptDevice(Record):
-    """Of a device."""
+    """Fields of a device."""
 
     name: str | None = None
     model: KeptModel | None = None
 
 
 class KeptLink(Record):
-    """Of a link."""
+    """Fields of a link."""
 
     backend: str | None = None
 
 
 class KeptPlayback(Record):
-    """Of the playback."""
+    """Fields of the playback."""
 
     stop_at_first_loss: bool = False
 
 
 class KeptRuntime(Record):
-    """Of how a program of its own is started."""
+    """Fields of a runtime."""
 
     reads: str | None = None
 
 
 class KeptTolerances(Record):
-    """What a run is judged by; null: by nothing."""
+    """Tolerances of a valid run; null: not checked."""
 
     rtt_error_ms_median: float | None = None
     rtt_error_ms_p99: float | None = None
@@ -53,8 +54,8 @@ class KeptTolerances(Record):
 
 
 class KeptSpec(Record):
-    """What metrics and reports read of a RunSpec. Versions of slambed add and drop fields; a run
-    stays readable without them."""
+    """The fields of a RunSpec that metrics and reports read. Fields change between versions of
+    slambed, and a run stays readable without them."""
 
     run_key: str | None = None
     experiment: str | None = None
@@ -79,31 +80,31 @@ class KeptSpec(Record):
 
     @staticmethod
     def of(spec: Any) -> "KeptSpec":
-        """Of a RunSpec, or of one as JSON."""
+        """Reads a RunSpec object, or one as JSON."""
         return KeptSpec.model_validate(spec, from_attributes=True)
 
     @property
     def is_virtual(self) -> bool:
-        """True in virtual time."""
+        """True for a run in virtual time."""
         return self.engine == VIRTUAL
 
     @property
     def is_paced(self) -> bool:
-        """A live run whose stages took what its devices' cost models charge."""
+        """True for a live run whose stages took the time that the devices' cost models charge."""
         return self.pace == DEVICE_PACE
 
     @property
     def reads_folder(self) -> bool:
-        """True where nobody saw when the system took which frame."""
+        """True if the system read a recorded folder, so that frame times were not observed."""
         return self.runtime is not None and self.runtime.reads is not None
 
     def device_name(self, role: Role) -> str | None:
-        """The name of a node's device; None without the node."""
+        """Returns the device name of a node; None without the node."""
         device = self.device_mobile if role == "mobile" else self.device_edge
         return device.name if isinstance(device, KeptDevice) else device
 
     def model_cores(self, role: Role) -> int | None:
-        """Cores of a device's cost model."""
+        """Returns the number of cores in a device's cost model."""
         device = self.device_mobile if role == "mobile" else self.device_edge
         model = device.model if isinstance(device, KeptDevice) else None
         return None if model is None else model.cores

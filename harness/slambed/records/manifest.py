@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""manifest.json: under which circumstances a run was made, and how it ended."""
+"""manifest.json: the circumstances of a run, and how it ended."""
 
 from collections.abc import Mapping
 from typing import Annotated, Any
@@ -18,116 +18,118 @@ FILE = "manifest.json"
 
 
 class PlanDigests(Record):
-    """A paper's plan, or an inference's, as the campaign began."""
+    """A paper's plan, or an inference plan, at the start of the campaign."""
 
     plan: str | None = None
     """SHA-256 of the registered plan."""
     frozen: str | None = None
-    """SHA-256 of what its file said."""
+    """SHA-256 of the content of its file."""
     commit: str | None = None
-    """Of an inference: that held the plan and its experiments as they were; null: none did."""
+    """For an inference: the commit that contains the unchanged plan and its experiments; null:
+    none does."""
 
 
 class RunHost(Record):
-    """One of several hosts that a campaign had, or the board of a mobile node."""
+    """The host of a campaign with several hosts that executed the run, or the board of a mobile
+    node."""
 
     name: str | None = None
-    """In the file of hosts."""
+    """Name in the file of hosts."""
     labels: list[str] | None = None
-    """There."""
+    """Labels in the file of hosts."""
     cpus: list[int] | None = None
-    """That runs might use."""
+    """CPUs that runs were allowed to use."""
     speed: float | None = None
-    """Of one of its cores as the campaign began; 1 is a core of the reference host."""
+    """Speed of one of its cores at the start of the campaign; 1 is a core of the reference host."""
     speed_measured_utc: str | None = None
-    """ISO 8601; null: never, it was taken for 1."""
+    """ISO 8601; null: not measured, 1 was assumed."""
 
 
 class EngineFacts(Record):
-    """What an engine says about itself."""
+    """Facts that an engine reports about itself."""
 
     image: str | None = None
     """Tag of the image."""
     image_id: str | None = None
-    """Null without an image."""
+    """Id of the image; null without an image."""
 
 
 class Manifest(Record):
     """All facts about one run that are not measurements, in the order of the file."""
 
     run_key: str | None = None
-    """What names the run."""
+    """Key that identifies the run."""
     experiment: str | None = None
-    """That had it executed first."""
+    """Experiment that first executed it."""
     cell: str | None = None
     """System x dataset x link profile."""
     repetition: int | None = None
     """Counted from 0."""
-    # What is read is never refused for what it lacks; what is written is whole.
+    # Missing fields are accepted when a file is read; a written file is complete.
     spec: Annotated[KeptSpec | RunSpec | None, Field(union_mode="left_to_right")] = None
     """The whole RunSpec."""
     outcome: str | None = None
-    """`completed`, `died`, `timed_out` (a live run by wall clock, a virtual one by CPU time),
+    """`completed`, `died`, `timed_out` (wall clock of a live run, CPU time of a virtual one), or
     `refused` (its input)."""
     outcome_reason: str | None = None
-    """Why it did not complete."""
+    """Why the run did not complete."""
     invalid_reasons: list[str] | None = None
-    """Why the circumstances were not as asked."""
+    """Why the circumstances were not as configured."""
     limits: dict[str, NodeLimits] | None = None
-    """Of each node of a live run."""
+    """Limits of each node of a live run."""
     throttling: dict[str, Throttling] | None = None
-    """Of each node of a live run."""
+    """Throttling of each node of a live run."""
     link: LinkFacts | None = None
     """Null without a link."""
     board: BoardFacts | None = None
-    """Only of a run whose mobile node was on another machine."""
+    """Only for a run whose mobile node was on another machine."""
     sidecar: SidecarUse | None = None
     """Null in a virtual run."""
     commit: str | None = None
-    """Of the checkout; null outside of git."""
+    """Commit of the checkout; null outside of git."""
     dirty: bool | None = None
-    """Whether tracked files differed from it."""
+    """Whether tracked files differed from that commit."""
     tree: str | None = None
-    """The folder of that checkout: whose code executed the run."""
+    """Folder of the checkout whose code executed the run."""
     image_id: str | None = None
-    """Null without Docker."""
+    """Id of the image; null without Docker."""
     command: list[str] | str | None = None
-    """As the user gave it."""
+    """Command line of the user."""
     image: str | None = None
-    """Only with Docker: its tag."""
+    """Tag of the image; only with Docker."""
     sequence_checksum: str | None = None
-    """Of the prepared sequence."""
+    """Checksum of the prepared sequence."""
     seed: int | None = None
-    """Of everything drawn in the run."""
+    """Seed of all random numbers in the run."""
     kernel: str | None = None
-    """Its release."""
+    """Release of the kernel."""
     cpu_model: str | None = None
-    """As the kernel names it."""
+    """CPU model as the kernel reports it."""
     cores: int | None = None
-    """Of the host."""
+    """Number of cores of the host."""
     load_1min: float | None = None
-    """Of the host, as the run began."""
+    """Load average of the host at the start of the run."""
     host: RunHost | None = None
-    """Only of a campaign with several hosts: the one that executed the run; of a run with a board:
-    the board."""
+    """Host that executed the run, only for a campaign with several hosts; for a run with a
+    board: the board."""
     started_utc: str | None = None
     """ISO 8601."""
     versions: dict[str, str | None] | None = None
-    """slambed, Python and the packages that compute figures."""
+    """Versions of slambed, Python and the packages that compute metrics."""
     attempt: int | None = None
-    """Counted from 1."""
+    """Number of the attempt, counted from 1."""
     frames_offered: int | None = None
-    """By the plan of playback; null for what is no prepared sequence."""
+    """Number of frames in the playback plan; null for an input that is not a prepared sequence."""
     warnings: list[str] | None = None
-    """What was wrong with the raw files."""
+    """Problems found in the raw files."""
     results_sha256: str | None = None
-    """Over what was measured: summary, tables, trajectories; equal for equal virtual runs."""
+    """SHA-256 over summary, tables and trajectories; equal for identical virtual runs."""
     plans: dict[str, PlanDigests] | None = None
-    """Paper (`inference/<id>` of an inference) -> its plan as the campaign began; empty without."""
+    """Paper (or `inference/<id>`) -> its plan at the start of the campaign; empty without plans."""
 
     @property
     def kept(self) -> KeptSpec:
-        """The spec, as far as it is read afterwards."""
+        """The spec, reduced to the fields that are read back."""
         return self.spec if isinstance(self.spec, KeptSpec) else KeptSpec.of(self.spec or {})
 
     @model_validator(mode="before")

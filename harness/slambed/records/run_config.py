@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""run.json: what a node is to do. Nodes refuse keys that they do not know."""
+"""run.json: the configuration of a node. Nodes reject unknown keys."""
 
 from typing import Literal
 
@@ -10,85 +10,86 @@ from slambed.spec.system import Scalar
 
 
 class ProfileRtt(Record):
-    """The RTT that the link's profile asks for, for a node that shall not measure it."""
+    """RTT of the link's profile, for a node that does not measure it."""
 
     step_s: float
-    """Run time between two values; the first one is at 0."""
+    """Time between two values; the first one is at run time 0."""
     rtt_ms: list[float]
-    """Linear between the values, the last one for ever."""
+    """Interpolated linearly; the last value holds until the end."""
 
 
 class Network(Record):
-    """Where the two nodes find each other."""
+    """Addresses over which the two nodes connect."""
 
     edge_address: str
-    """IPv4."""
+    """IPv4 address."""
     ports: dict[str, int]
     """Channel -> TCP port of the edge."""
     profile_rtt: ProfileRtt | None = None
-    """Only with `params.rtt_source: profile`: what the link's profile asks for."""
+    """RTT of the link's profile; only with `params.rtt_source: profile`."""
 
 
 class Segmenter(Record):
-    """Where the edge has its pictures segmented (docs/masks.md)."""
+    """The segmenter that the edge sends its pictures to (docs/explanation/masks.md)."""
 
     socket: str
-    """Of the segmenter beside the edge."""
+    """Path of the segmenter's socket on the edge."""
     time_limit_s: float
-    """A picture whose masks take longer has none."""
+    """A picture whose masks take longer gets none."""
 
 
 class PacedDevice(Record):
-    """Whose pace a node keeps (docs/limits.md, "At the device's pace")."""
+    """The device whose pace a node keeps (docs/explanation/limits.md, "At the device's pace")."""
 
     share: float
-    """Of a CPU of the host that one of its cores is: what each thread may use."""
+    """Share of a host CPU that equals one core of the device, and that each thread may use."""
     device: CostModel
-    """As in sim.json: what its stages take."""
+    """Cost model of its stages, as in sim.json."""
 
 
 class PacedDevices(Record):
     """The devices whose pace the nodes of a live run keep."""
 
     mobile: PacedDevice
-    """The mobile node's."""
+    """Device of the mobile node."""
     edge: PacedDevice | None = None
-    """Exactly where there is a network."""
+    """Device of the edge; present exactly when there is a network."""
 
 
 class RunConfig(Record):
     """The whole file; paths are as the node sees them."""
 
     format: Literal["slambed-run"]
-    """Of the file."""
+    """Name of the format."""
     version: Literal[1]
-    """Of the format."""
+    """Version of the format."""
     run_key: str
-    """What names the run."""
+    """Key that identifies the run."""
     seed: int
-    """Of everything drawn in the run."""
+    """Seed of all random numbers in the run."""
     system: str
-    """Its name."""
+    """Name of the system."""
     variant: str
-    """Of the system."""
+    """Variant of the system."""
     params: dict[str, Scalar]
-    """Checked against the system's own list. One of type `path` names a file, or is empty: the
-    harness copies the file to `<output>/inputs/<parameter>`, and the run key holds its SHA-256."""
+    """Checked against the system's own list. A parameter of type `path` names a file or is
+    empty; the harness copies the file to `<output>/inputs/<parameter>`, and the run key holds
+    its SHA-256."""
     sequence: str
     """Folder of the prepared sequence."""
     playback: Playback
     """How frames are offered to tracking."""
     network: Network | None
-    """Null where everything is on the mobile node: then there is no edge process."""
+    """Null for a system that runs entirely on the mobile node, without an edge process."""
     segmenter: Segmenter | None = None
-    """Only for the edge of a live run that segments."""
+    """Only for the edge of a live run with segmentation."""
     pace: PacedDevices | None = None
-    """Only of live runs with `pace: device`."""
+    """Only for live runs with `pace: device`."""
     output: str
     """Folder that the nodes write to."""
     connect_timeout_s: float
-    """How long a node waits for its peer."""
+    """Timeout for the connection to the peer."""
 
     def without(self, parameters: list[str]) -> "RunConfig":
-        """The same for a node that is given none of these files."""
+        """Returns a copy for a node that does not receive these files."""
         return self.model_copy(update={"params": self.params | dict.fromkeys(parameters, "")})

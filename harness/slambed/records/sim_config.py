@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""sim.json: the world around the nodes of a virtual run."""
+"""sim.json: the simulated environment of the nodes of a virtual run."""
 
 from typing import Literal
 
@@ -9,55 +9,55 @@ from slambed.spec.device import CostModel
 
 
 class SimDevices(Record):
-    """What work costs on each node."""
+    """Cost models of the nodes."""
 
     mobile: CostModel
-    """Its cost model."""
+    """Cost model of the mobile node."""
     edge: CostModel | None
-    """Exactly where run.json has a network."""
+    """Cost model of the edge; null exactly when run.json has no network."""
 
 
 class CacheFile(Record):
-    """A file that is made where it is missing, and anew where it has another key."""
+    """A cache file; it is created if it is missing, and again if its key differs."""
 
     path: str
-    """Of the file."""
+    """Path of the file."""
     key: str
-    """Everything that its content depends on."""
+    """Hash of everything that the content depends on."""
 
 
 class MaskFile(Record):
-    """What the segmentation says of every picture, for one threshold ("Mask cache")."""
+    """Segmentation masks of every picture for one threshold ("Mask cache")."""
 
     n_m: float
     """The threshold."""
     path: str
-    """Of the file."""
+    """Path of the file."""
     key: str
-    """Another one in the file, or no file, is an error."""
+    """Expected key; a missing file or one with another key is an error."""
 
 
 class SimConfig(Record):
     """The whole file."""
 
     format: Literal["slambed-sim"]
-    """Of the file."""
+    """Name of the format."""
     version: Literal[1]
-    """Of the format."""
+    """Version of the format."""
     run: str
-    """Name of run.json, beside this file."""
+    """Name of run.json, in the same folder."""
     devices: SimDevices
-    """What work costs on each node."""
+    """Cost models of the nodes."""
     link: ModeledLink | None
     """Null without an edge."""
     edge_frozen_s: list[tuple[float, float]]
-    """Begin and end of each time in which the edge's workers stand still, in the middle of a stage
-    too; what arrives waits in its kernel, which acknowledges it."""
+    """Begin and end of each interval in which the edge's workers are frozen, even in the middle
+    of a stage. Its kernel still acknowledges and queues received data."""
     feature_cache: CacheFile | None
-    """Features of every frame; of a system that extracts on the edge those of the pictures as they
-    were coded (`sequence/feature_cache.hpp`). Made where it is missing or has another key."""
+    """Features of every frame; for a system that extracts on the edge, those of the decoded JPEG
+    pictures (`sequence/feature_cache.hpp`). Created if it is missing or has another key."""
     image_cache: CacheFile | None = None
-    """Only of systems with a `jpeg_quality`: the JPEG of every frame; without it each picture is
-    coded when it is sent (`sequence/image_source.hpp`). Made likewise."""
+    """Only for systems with `jpeg_quality`: the JPEG of every frame. Without it each picture is
+    encoded when it is sent (`sequence/image_source.hpp`). Created like the feature cache."""
     mask_caches: list[MaskFile] | None = None
-    """Only of systems that segment: what the segmentation says of those pictures."""
+    """Only for systems with segmentation: the masks of those pictures."""

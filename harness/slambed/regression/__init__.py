@@ -1,2 +1,2 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Whether results got worse: gate over nights, trends, two folders compared, first bad commit."""
+"""Regression tests of results: nightly gate, trends, diff of two folders, bisection of commits."""

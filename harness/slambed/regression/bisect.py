@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""`slambed bisect`: between a good and a bad commit, the first one that the regression gate would
-not pass."""
+"""`slambed bisect`: finds the first commit between a good and a bad one that fails the regression
+gate."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
@@ -21,14 +21,14 @@ Notify = Callable[[str], None]
 
 @dataclass(frozen=True)
 class Commit:
-    """One of the repository."""
+    """A commit of the repository."""
 
     sha: str
     subject: str
 
     @property
     def short(self) -> str:
-        """As people call it, and its folder."""
+        """Returns the short hash, which is also the name of its folder."""
         return self.sha[:12]
 
     def __str__(self) -> str:
@@ -40,33 +40,33 @@ class SkippedError(Exception):
 
 
 class Measures(Protocol):
-    """Where the runs of commits come from."""
+    """Provides the runs of commits."""
 
     def measure(self, commit: Commit) -> Results:
-        """Its runs, made now where they are not there. Raises SkippedError."""
+        """Returns the runs of a commit and executes missing ones. Raises SkippedError."""
 
 
 @dataclass
 class Bisected:
-    """The answer; none of `first` where nothing got worse."""
+    """The result; `first` is empty if nothing got worse."""
 
     first: list[Commit] = field(default_factory=list)
-    """The first bad commit; more than one where skipped ones stand before it."""
+    """The first bad commit; several if commits before it were skipped."""
     why: list[str] = field(default_factory=list)
     """What got worse between the good and the bad end."""
     skipped: dict[str, str] = field(default_factory=dict)
-    """Commit -> why it could not be measured."""
+    """Maps a commit hash to why it could not be measured."""
     tried: int = 0
 
 
 @dataclass
 class RegressionRule:
-    """The regression gate's rule, for commits in the place of nights: runs of equal seed are pairs,
-    a change counts where it is significant and relevant."""
+    """The regression gate's rule for commits instead of nights: runs of equal seed are pairs, and a
+    change counts if it is significant and relevant."""
 
     good: Results
     metrics: list[str]
-    """Only these; none: all that the regression gate looks at."""
+    """Only these metrics; empty for all gated ones."""
     alpha: float = ALPHA
 
     def __post_init__(self) -> None:
@@ -87,7 +87,7 @@ class RegressionRule:
             raise SlambedError(f"{names} was not measured at the good commit; name another metric")
 
     def worse(self, commit: Results) -> list[str]:
-        """Why this one would not pass; empty where it would."""
+        """Returns why a commit would fail the gate; empty if it would pass."""
         return judge(self.good.runs, commit.runs, self.alpha, self.metrics).failures
 
 
@@ -99,10 +99,11 @@ def bisect(
     alpha: float = ALPHA,
     notify: Notify = lambda line: None,
 ) -> Bisected:
-    """Finds the first bad one of `candidates`: the commits after `good` in their order, the last of
-    which is the bad end.
+    """Finds the first bad commit of `candidates`: the commits after `good` in order, up to and
+    including the bad end.
 
-    Raises SlambedError where one of the ends cannot be measured."""
+    Raises SlambedError if one of the ends cannot be measured.
+    """
     found = Bisected()
     rule = RegressionRule(_end(good, measures, "good"), metrics, alpha)
     notify(f"good {good}: {len(rule.good.valid_runs)} runs")
@@ -133,13 +134,13 @@ def bisect(
 
 
 def _ends(states: dict[int, State]) -> tuple[int, int]:
-    """The last good one and the first bad one after it."""
+    """Returns the first bad index and the last good one before it, as (good, bad)."""
     bad = min(place for place, state in states.items() if state == "bad")
     return max(p for p, state in states.items() if state == "good" and p < bad), bad
 
 
 def _next(states: dict[int, State], count: int) -> int | None:
-    """The one in the middle of those that nothing is known of yet, between the two ends."""
+    """Returns the untested index closest to the middle between the two ends."""
     good, bad = _ends(states)
     middle = (good + bad) / 2
     unknown = [place for place in range(good + 1, min(bad, count)) if place not in states]

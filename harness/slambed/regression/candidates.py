@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Commits checked out, built and measured by their own harness, each once."""
+"""Checks out, builds and measures commits with their own harness, each once."""
 
 import hashlib
 import json
@@ -29,9 +29,9 @@ except ModuleNotFoundError:
     from slambed.cli import main
 main()
 """
-"""The second is where commits had it that are older than the folder `commands`."""
+"""The second import is for commits older than the package `commands`."""
 RAN = (ExitCode.OK, ExitCode.NOT_ALL_GOOD)
-"""Exit codes of `slambed run` with a result: that systems broke off is one."""
+"""Exit codes of `slambed run` with a result; runs that did not complete are a result too."""
 
 
 class Repository:
@@ -41,7 +41,7 @@ class Repository:
         self.root = root
 
     def git(self, *arguments: str) -> str:
-        """What git prints; SlambedError with its last line where it fails."""
+        """Returns git's output. Raises SlambedError with its last line of stderr if it fails."""
         command = ["git", "-C", str(self.root), *arguments]
         try:
             done = subprocess.run(command, capture_output=True, text=True, check=False)
@@ -52,7 +52,7 @@ class Repository:
         return done.stdout.strip()
 
     def commit(self, name: str) -> Commit:
-        """Of a commit's name, or of a results folder: the commit that all its runs are of."""
+        """Returns a commit by name, or the one commit of all runs in a results folder."""
         if (Path(name) / "runs").is_dir():
             name = _commit_of(Path(name))
         try:
@@ -64,8 +64,8 @@ class Repository:
         return Commit(sha, self.git("log", "-1", "--format=%s", sha))
 
     def after(self, good: Commit, bad: Commit) -> list[Commit]:
-        """The commits from after `good` to `bad`, oldest first; of merges what they brought at
-        once (first parents)."""
+        """Returns the commits after `good` up to `bad`, oldest first. A merge counts as one commit
+        (first parents)."""
         if good.sha == bad.sha:
             return []
         listed = self.git(
@@ -84,23 +84,23 @@ class Repository:
 
 @dataclass
 class Workshop:
-    """Measures commits in `place`, which keeps their runs (`runs/`), a results folder for each, the
-    programs of all states of the sources, and logs of what was built."""
+    """Measures commits in `place`. It stores their runs (`runs/`), a results folder per commit, the
+    programs per state of the sources, and build logs."""
 
     repository: Repository
     place: Path
     experiment: Path
-    """The file as it is now: every commit is asked the same."""
+    """The current experiment file, used for every commit."""
     runs: int
     settings: Sequence[str] = ()
     only: Sequence[str] = ()
     programs: Path | None = None
-    """Built ones, with their stamp: of commits with the same sources nothing is built."""
+    """Built programs with their stamp, reused for commits with the same sources."""
     notify: Notify = field(default=lambda line: None)
 
     @contextmanager
     def opened(self) -> Iterator["Workshop"]:
-        """Alone, and without a worktree afterwards."""
+        """Holds the lock of `place`, and removes the worktree at both ends."""
         self.place.mkdir(parents=True, exist_ok=True)
         with host_lock(
             f"slambed bisect {self.experiment.stem}",
@@ -108,7 +108,7 @@ class Workshop:
             conflict=f"another bisect works in {self.place}",
             advice=STOP,
         ):
-            self._remove_tree()  # of one that was killed
+            self._remove_tree()  # left by a killed bisect
             try:
                 yield self
             finally:
@@ -116,17 +116,17 @@ class Workshop:
 
     @property
     def tree(self) -> Path:
-        """The worktree."""
         return self.place / TREE
 
     @property
     def question(self) -> str:
-        """What is asked of every commit; another question is measured anew."""
+        """Returns the digest of experiment file, runs and options; other ones are measured
+        again."""
         asked = [self.experiment.read_text(), self.runs, list(self.settings), list(self.only)]
         return hashlib.sha256(json.dumps(asked).encode()).hexdigest()
 
     def measure(self, commit: Commit) -> Results:
-        """The runs of a commit, those of an earlier bisect where the question was the same."""
+        """Returns the runs of a commit, from an earlier bisect if its question was the same."""
         folder = self.place / commit.short
         if object_or_empty(folder / RECORD).get("question") != self.question:
             self._check_out(commit)
@@ -144,8 +144,8 @@ class Workshop:
             )
 
     def _build(self, commit: Commit) -> None:
-        """By the commit's own tools/build.sh, which does nothing where programs of its sources
-        are there already."""
+        """Builds with the commit's own tools/build.sh, which does nothing if programs of its
+        sources exist."""
         completed = self._call([sys.executable, "-P", "-m", "slambed.spec.software"], cwd=self.tree)
         digest = completed.stdout.strip()
         if completed.returncode or not digest.isalnum():
@@ -178,7 +178,7 @@ class Workshop:
         made = self.place / self.experiment.stem
         if done.returncode not in RAN or not (made / "runs").is_dir():
             raise SkippedError(f"its harness does not run it: {_last(done.stderr)}")
-        shutil.rmtree(folder, ignore_errors=True)  # the answer to another question: links only
+        shutil.rmtree(folder, ignore_errors=True)  # links to runs of another question
         made.rename(folder)
         record = {"commit": commit.sha, "subject": commit.subject, "question": self.question}
         (folder / RECORD).write_text(json.dumps(record, indent=1) + "\n")
@@ -186,7 +186,7 @@ class Workshop:
     def _call(self, command: list[str], cwd: Path) -> subprocess.CompletedProcess[str]:
         environment = {k: v for k, v in os.environ.items() if k != "SLAMBED_BIN"} | {
             "PYTHONPATH": str(self.tree / "harness"),
-            # Recordings beside this checkout are not beside the worktree.
+            # The worktree would not find recordings next to this checkout.
             "SLAMBED_DATA": ":".join(map(str, search_path())),
             "CCACHE_BASEDIR": str(self.tree),
             "CCACHE_NOHASHDIR": "1",
@@ -223,7 +223,7 @@ def _stamp(folder: Path) -> str:
 
 
 def _copy(source: Path, target: Path) -> None:
-    """Programs, the stamp last: half of them have none."""
+    """Copies programs and the stamp last, so that an incomplete copy has no stamp."""
     target.mkdir(parents=True, exist_ok=True)
     (target / STAMP).unlink(missing_ok=True)
     for path in source.glob("slambed-*"):
@@ -233,7 +233,7 @@ def _copy(source: Path, target: Path) -> None:
 
 
 def _last(text: str) -> str:
-    """The line that says why; an `error:` line is preferred."""
+    """Returns the last `error:` line, else the last line."""
     lines = text.strip().splitlines()
     error_lines = [line.removeprefix("error: ") for line in lines if line.startswith("error:")]
     return (error_lines or lines or ["it printed nothing"])[-1]

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""`slambed diff`: two results folders, or two parts of one, metric by metric, cell by cell, paired
-where seeds pair.
+"""`slambed diff`: compares two results folders, or two parts of one, by metric and cell, in pairs
+where seeds allow it.
 
-Whatever differs between the two: the commit, the engine, the system, the host.
+The two may differ in commit, engine, system or host.
 """
 
 from dataclasses import dataclass
@@ -33,7 +33,7 @@ class Change:
     a: float
     b: float
     change: Interval
-    """b - a: the median difference of two runs (of pairs, where there are), or of the shares."""
+    """b - a: the median difference of two runs (of pairs if paired), or of the shares."""
     p_value: float
     """Adjusted for all comparisons of the two folders (Holm)."""
     paired: bool
@@ -42,12 +42,12 @@ class Change:
 
     @property
     def shown(self) -> bool:
-        """True where chance does not explain it."""
+        """Returns whether the change is significant."""
         return self.p_value <= USUAL_ALPHA
 
     @property
     def verdict(self) -> str:
-        """In words; equality is never claimed."""
+        """Returns the result in words, which never claim equality."""
         if not self.shown:
             return "no change shown" if self.possible else "too few runs to show any"
         if self.metric.better == "neither" or self.change.value == 0:
@@ -56,9 +56,9 @@ class Change:
 
 
 def diff(sides: Sides, metrics: list[str] | None = None) -> list[Change]:
-    """Every metric that both were asked for (or those named) in every cell that both have.
+    """Compares every metric that both experiments name (or `metrics`) in every cell that both have.
 
-    Raises SlambedError where nothing matches.
+    Raises SlambedError if nothing matches.
     """
     a, b = sides.a.results, sides.b.results
     asked = metrics or [key for key in metrics_asked(a) if key in metrics_asked(b)]
@@ -108,7 +108,7 @@ TESTS = (
 
 
 def diff_table(found: list[Change], sides: Sides) -> Table:
-    """The shown changes first."""
+    """Returns the table, with the smallest p value first."""
     rows = [
         [
             c.cell,
@@ -127,8 +127,8 @@ def diff_table(found: list[Change], sides: Sides) -> Table:
 
 
 def write_diff(table: Table, sides: Sides, path: Path) -> None:
-    """The table as a file that says what A and B are: .csv in columns of its own, under headings
-    that are always the same for a script; .md above the table."""
+    """Writes the table with descriptions of A and B. In .csv these are columns, and headings are
+    always the same for scripts; in .md they are above the table."""
     check_format(path)
     with writing(path):
         if path.suffix == ".md":
@@ -141,7 +141,8 @@ def write_diff(table: Table, sides: Sides, path: Path) -> None:
 
 
 def diff_json(found: list[Change], sides: Sides) -> dict[str, Any]:
-    """The same for a script: stored units; null where a failed run makes a number infinite."""
+    """Returns the changes for scripts, in stored units; null where a failed run makes a number
+    infinite."""
 
     def number(value: float) -> float | None:
         return value if isfinite(value) else None

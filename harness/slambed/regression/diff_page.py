@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""`slambed diff --html`: the comparison of two results folders as one self-contained page."""
+"""`slambed diff --html`: writes the comparison as one self-contained page."""
 
 import base64
 import io
@@ -18,17 +18,17 @@ from slambed.report.page import in_page, page_script, render
 from slambed.report.style import COLORS, NOTE_PT, figure, lay_out
 
 MOST_DRAWN = 24
-"""Comparisons in the figure, those with the smallest p first."""
+"""Most comparisons in the figure, smallest p first."""
 ROW_IN, AROUND_IN = 0.36, 1.0
 MOOD = {"better": "good", "worse": "bad"}
 DRAWN = {"better": (COLORS[2], "o"), "worse": (COLORS[1], "s"), "changed": (COLORS[0], "D")}
 NOT_SHOWN = ("#777777", "o")
 WIDEST = 200.0
-"""Percent of A; what changed by more than that stands at the edge."""
+"""Percent of A; larger changes are drawn at the edge."""
 
 
 def write_diff_page(found: list[Change], sides: Sides, path: Path) -> None:
-    """Writes the page. Raises SlambedError where that cannot be done."""
+    """Writes the page. Raises SlambedError if the file cannot be written."""
     table = diff_table(found, sides)
     beside = sides_table(sides)
     drawn = [change for change in by_p(found) if relative(change) is not None]
@@ -63,7 +63,7 @@ def _title(sides: Sides) -> str:
 
 
 def _problems(sides: Sides) -> list[str]:
-    """Of one folder once."""
+    """Returns the problems of both sides; those of one folder only once."""
     a, b = (side.results.problems for side in (sides.a, sides.b))
     if sides.a.results.folder == sides.b.results.folder:
         return list(dict.fromkeys([*a, *b]))
@@ -71,12 +71,13 @@ def _problems(sides: Sides) -> list[str]:
 
 
 def by_p(found: list[Change]) -> list[Change]:
-    """In the order of the table."""
+    """Sorts changes like the table."""
     return sorted(found, key=lambda change: change.p_value)
 
 
 def relative(change: Change) -> tuple[float, float, float] | None:
-    """Value and ends of the change in percent of A, of a share in points; None without a scale."""
+    """Returns value and interval of the change in percent of A, or in points for a share; None
+    without a scale."""
     unit = 1.0 if change.metric.kind == "share" else abs(change.a)
     ends = np.array([change.change.value, change.change.low, change.change.high])
     if not unit or not np.isfinite(unit) or not np.isfinite(ends).all():
@@ -102,7 +103,8 @@ def _tiles(found: list[Change]) -> list[tuple[str, str, str]]:
 
 
 def _forest(changes: list[Change], sides: str) -> tuple[str, Markup]:
-    """A row for each comparison: the change with its 95 % interval; and what a pointer finds."""
+    """Draws a row per comparison: the change with its 95 % interval. Returns the image as a URI,
+    and its points for the script."""
     with figure(height_in=AROUND_IN + ROW_IN * len(changes)) as (made, (axis,)):
         for row, change in enumerate(changes):
             ends = relative(change)

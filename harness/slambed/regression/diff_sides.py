@@ -1,6 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The two sides of `slambed diff`: which runs each has, what it is called, and what its cells are
-matched by."""
+"""The two sides of `slambed diff`: their runs, their names, and how their cells are matched."""
 
 import re
 from collections.abc import Iterable
@@ -28,17 +27,17 @@ from slambed.spec.selection import (
 
 Key = tuple[str, ...]
 MOST_NAMES = 3
-"""So many systems (links, devices) of a side are reported by name."""
+"""Most systems (links, devices) of a side that are reported by name."""
 LONGEST_NAME = 24
-"""Letters of what heads a column."""
+"""Most characters of a column heading."""
 SHORT_COMMIT = 7
 COLUMNS = {
     "system": "label", "device": "device_mobile", "edge": "device_edge", "dataset": "dataset",
     "link": "profile", "engine": "engine",
 }  # fmt: skip
-"""What a side is reported by -> the column that has it."""
+"""Maps a fact of a side to the column of the runs."""
 WHERE = ("dataset", "link")
-"""Where the systems of a cell are: what else cells are matched by."""
+"""What cells are matched by, besides the label."""
 ABSENT = {"link": NO_LINK, "edge": NO_EDGE}
 
 
@@ -48,11 +47,11 @@ class Side:
 
     results: Results
     asked: tuple[str, ...] = ()
-    """The selections that chose them; none: all runs of the folder."""
+    """The selections that chose the runs; empty for all runs of the folder."""
 
     @classmethod
     def of(cls, results: Results, asked: Iterable[str], option: str) -> "Side":
-        """The runs that are selected. Raises SlambedError for a selection of no run."""
+        """Returns the selected runs. Raises SlambedError for a selection without runs."""
         texts = tuple(asked)
         if not texts:
             return cls(results)
@@ -60,12 +59,13 @@ class Side:
 
     @property
     def keys(self) -> frozenset[str]:
-        """What the selections are about."""
+        """Returns the keys of the selections."""
         return frozenset().union(*(Selection.of(text).keys for text in self.asked))
 
     @cached_property
     def facts(self) -> dict[str, list[str]]:
-        """What it is, by name: folder, systems, devices, datasets, links, engine, commit."""
+        """Returns the facts of a side by name: folder, systems, devices, datasets, links, engine,
+        commit."""
         runs = self.results.runs
         found = {"folder": [str(self.results.folder)]}
         for name, column in COLUMNS.items():
@@ -87,8 +87,8 @@ class Sides:
     def of(
         cls, a: Results, b: Results | None, of_a: Iterable[str] = (), of_b: Iterable[str] = ()
     ) -> "Sides":
-        """Two folders, or two parts of one (`b` is None). Raises SlambedError where these are not
-        named, or have a run in common."""
+        """Makes the sides from two folders, or from two parts of one (`b` is None). Raises
+        SlambedError if the parts are not selected or share a run."""
         of_a, of_b = tuple(of_a), tuple(of_b)
         if b is None and not (of_a and of_b):
             raise SlambedError(
@@ -108,12 +108,12 @@ class Sides:
 
     @cached_property
     def differing(self) -> list[str]:
-        """Names of the facts in which the two differ, in the order in which they are reported."""
+        """Returns the names of the facts in which the sides differ, in reporting order."""
         return [name for name, value in self.a.facts.items() if value != self.b.facts[name]]
 
     @property
     def names(self) -> tuple[str, str]:
-        """Short: what differs first; and next, until the two names do."""
+        """Returns short names of the sides, from the first fact in which they differ."""
         if not self.differing:
             return "", ""
         first = self.differing[0]
@@ -130,19 +130,19 @@ class Sides:
 
     @property
     def descriptions(self) -> tuple[str, str]:
-        """In words: how each was selected, what differs, then what both have."""
+        """Returns descriptions: how each side was selected, what differs, then what both share."""
         same = self._in_words(self.a, self.shared)
         a, b = ("; ".join(filter(None, (own, same))) for own in self._apart())
         return a, b
 
     @property
     def shared(self) -> list[str]:
-        """Names of the facts in which the two are one."""
+        """Returns the names of the facts that both sides share."""
         return [name for name in self.a.facts if name not in self.differing]
 
     @property
     def lines(self) -> list[str]:
-        """`A: ...`, `B: ...` and what both have."""
+        """Returns `A: ...`, `B: ...` and `Both: ...`."""
         a, b = self._apart()
         reported = {"A": a, "B": b, "Both": self._in_words(self.a, self.shared)}
         return [f"{who}: {words}" for who, words in reported.items() if words]
@@ -160,13 +160,12 @@ class Sides:
         )
 
     def headings(self) -> tuple[str, str]:
-        """Of the columns of a table."""
         a, b = self.names
         return (f"A: {a}", f"B: {b}") if a and b else ("A", "B")
 
     def matched(self) -> list[tuple[str, pd.DataFrame, pd.DataFrame]]:
-        """(cell, its runs in A, in B): cells of equal label, dataset and link, in what the two
-        sides were not chosen to differ. Raises SlambedError where that would pool cells."""
+        """Returns (cell, its runs in A, in B) for cells of equal label, dataset and link, except
+        for keys that both sides select on. Raises SlambedError where that would pool cells."""
         valid = [self.a.results.valid_runs, self.b.results.valid_runs]
         chosen = self.a.keys & self.b.keys
         labels = _labels(*valid)
@@ -184,7 +183,7 @@ class Sides:
     def _pooled(
         self, letter: str, runs: pd.DataFrame, labels: dict[str, str], drop: set[str]
     ) -> dict[Key, "Pooled"]:
-        """What a cell is matched by -> the cell."""
+        """Maps the key that cells are matched by to the cell."""
         found: dict[Key, Pooled] = {}
         for cell, rows in runs.groupby(_cells(runs), sort=False):
             first = rows.iloc[0]
@@ -207,24 +206,24 @@ class Pooled:
 
     cell: str
     in_common: str
-    """Its name without what the other side may have otherwise."""
+    """Its name without the parts in which the sides may differ."""
     runs: pd.DataFrame
 
     def called(self, other: "Pooled") -> str:
-        """This cell and that of the other side."""
+        """Returns one name for this cell and that of the other side."""
         if self.cell == other.cell:
             return self.cell
         return self.in_common or f"{self.cell} | {other.cell}"
 
 
 def _apart(a: pd.Series, b: pd.Series) -> bool:
-    """Whether each side has one value, and the other one another."""
+    """Returns whether each side has a single value and these differ."""
     left, right = set(a.map(text)), set(b.map(text))
     return len(left) == len(right) == 1 and left != right
 
 
 def _cells(runs: pd.DataFrame) -> pd.Series:
-    """The name of each run's cell, as its report has it."""
+    """Returns the name of each run's cell, as in its report."""
     if "cell" in runs:
         return runs["cell"].map(text)
     parts = [runs[name].map(text) for name in ("label", "dataset", "profile")]
@@ -232,10 +231,10 @@ def _cells(runs: pd.DataFrame) -> pd.Series:
 
 
 def _labels(a: pd.DataFrame, b: pd.DataFrame) -> tuple[dict[str, str], dict[str, str]]:
-    """What the systems of either side are matched by: their labels, where the two have any in
-    common; else these with a * for what all of a side have and the other side has not:
-    `static n_orb 500` and `alone n_orb 500` are `* n_orb 500`. Of one system each nothing is left.
-    """
+    """Maps the labels of each side to what they are matched by. Labels that both sides have are
+    kept. Else words that all labels of a side share and the other side lacks become a *: `static
+    n_orb 500` and `alone n_orb 500` become `* n_orb 500`. With one system on each side, the match
+    is empty."""
     labels = [list(dict.fromkeys(side["label"].dropna().astype(str))) for side in (a, b)]
     if len(labels[0]) == len(labels[1]) == 1:
         return {labels[0][0]: ""}, {labels[1][0]: ""}
@@ -264,7 +263,8 @@ def _starred(label: str, words: set[str]) -> str:
 
 
 def _chosen(asked: tuple[str, ...], other: tuple[str, ...]) -> str:
-    """What of a selection the other one has not; all of it, where that is hard to say."""
+    """Returns the part of a selection that the other one lacks, or all of it if there are
+    several."""
     if not (len(asked) == len(other) == 1):
         return " or ".join(asked)
     own, its = Selection.of(asked[0]), Selection.of(other[0])
@@ -300,7 +300,7 @@ def _facts(runs: pd.DataFrame) -> list[Facts]:
 
 
 def _varied(runs: pd.DataFrame) -> str:
-    """`: label=alone, label=static; link=...`: what there is more than one of."""
+    """Returns an example of --a and --b for the first key with several values."""
     facts = _facts(runs)
     for key in KEYS:
         names = list(dict.fromkeys(own[key][0] for own in facts))
@@ -310,7 +310,7 @@ def _varied(runs: pd.DataFrame) -> str:
 
 
 def _folders(a: Path, b: Path) -> tuple[str, str]:
-    """What distinguishes two folders: their paths without what both begin and end with."""
+    """Returns the paths of two folders without their common beginning and end."""
     left, right = list(a.parts), list(b.parts)
     while len(left) > 1 and len(right) > 1 and left[-1] == right[-1]:
         left, right = left[:-1], right[:-1]
@@ -320,7 +320,7 @@ def _folders(a: Path, b: Path) -> tuple[str, str]:
 
 
 def _words_of(name: str, values: list[str]) -> str:
-    """The first of them; commits as git shortens them."""
+    """Returns the first values; commits are shortened as in git."""
     more = len(values) - MOST_NAMES
     if name == "commit":
         values = [v[:SHORT_COMMIT] + ("+" if v.endswith("+") else "") for v in values]
@@ -328,7 +328,7 @@ def _words_of(name: str, values: list[str]) -> str:
 
 
 def _cut(name: str) -> str:
-    """Its ends, where it is long: what distinguishes two is often one of them."""
+    """Shortens a long name to its ends, which often distinguish it from another."""
     if len(name) <= LONGEST_NAME:
         return name
     half = (LONGEST_NAME - 3) // 2
@@ -336,7 +336,8 @@ def _cut(name: str) -> str:
 
 
 def sides_table(sides: Sides) -> Table:
-    """What was compared: where it differs lies the reason, if anywhere."""
+    """Returns a table of what was compared. A cause of a change should be among the differing
+    rows."""
     both = (sides.a, sides.b)
     rows = [["selected", *(" or ".join(s.asked) or "all runs" for s in both)]]
     rows += [[name, *(", ".join(s.facts[name]) or "-" for s in both)] for name in sides.a.facts]

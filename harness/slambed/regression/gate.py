@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Did tonight get worse than the baseline? Significant and relevant, or nothing measured: fail."""
+"""The regression gate: fails if tonight is significantly and relevantly worse than the baseline, or
+if nothing was measured."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
@@ -23,9 +24,9 @@ from slambed.report.tables import Table
 Floats = NDArray[np.float64]
 
 BASELINE_NIGHTS = 30
-"""Older nights of a history are another machine or another program."""
+"""Most recent nights used; older ones may be from another machine or program."""
 ALPHA = 0.05
-"""Chance of any false alarm in a night, over all cells and metrics together (Holm)."""
+"""Chance of any false alarm in a night, over all cells and metrics (Holm)."""
 
 
 @dataclass(frozen=True)
@@ -44,7 +45,7 @@ class Finding:
 
 @dataclass
 class RegressionResult:
-    """`failures` has a line per reason to fail; `notes` what could not be judged."""
+    """`failures` has a line per reason to fail; `notes` has what could not be judged."""
 
     findings: list[Finding] = field(default_factory=list)
     failures: list[str] = field(default_factory=list)
@@ -52,11 +53,11 @@ class RegressionResult:
 
     @property
     def passed(self) -> bool:
-        """True only when something was measured and nothing got worse."""
+        """Returns True only if something was measured and nothing got worse."""
         return not self.failures
 
     def table(self) -> Table:
-        """The findings, worst first."""
+        """Returns the findings, worst first."""
         rows = [
             [
                 f.cell,
@@ -74,7 +75,8 @@ class RegressionResult:
 
 
 def is_relevant(baseline: Floats, tonight: Floats, item: Metric) -> NDArray[np.bool_]:
-    """Whether the median (share) worsened by more than the metric's minimum effect."""
+    """Returns whether the median (or share) worsened by more than the metric's minimum effect,
+    along the last axis."""
     middle = np.mean if item.kind == "share" else np.median
     before = np.asarray(middle(baseline, axis=-1))
     after = np.asarray(middle(tonight, axis=-1))
@@ -93,7 +95,8 @@ def judge(
     alpha: float = ALPHA,
     metrics: Sequence[str] = (),
 ) -> RegressionResult:
-    """Compares runs (rows with the summary keys) cell by cell: the gated metrics, or these."""
+    """Compares runs (rows with the summary keys) cell by cell, for `metrics` or all gated
+    metrics."""
     result = RegressionResult()
     if not len(tonight) or not tonight["valid"].eq(True).any():
         result.failures.append("nothing was measured tonight: there is no valid run")
@@ -133,7 +136,7 @@ def judge(
 
 
 def _new_cells(baseline: pd.DataFrame, tonight: pd.DataFrame, result: RegressionResult) -> None:
-    """A cell without a baseline is judged by whether it measured anything, and named."""
+    """Notes each cell without a baseline; it fails only if it has no valid run."""
     judged = set(baseline.loc[baseline["valid"].eq(True), "cell"])
     for cell, rows in tonight.groupby("cell", sort=False):
         if cell in judged:
@@ -179,7 +182,7 @@ def _decide(tests: list[Test], alpha: float, result: RegressionResult) -> None:
 def _judge_validity(
     cell: str, before: pd.DataFrame, after: pd.DataFrame, alpha: float, result: RegressionResult
 ) -> None:
-    """Invalid runs are left out of all other tests, so they are tested themselves."""
+    """Tests the share of invalid runs, because all other tests leave these out."""
     bad_before = len(before) - int(before["valid"].eq(True).sum())
     bad_after = len(after) - int(after["valid"].eq(True).sum())
     p_value = fisher(bad_before, len(before), bad_after, len(after), "greater")
@@ -191,9 +194,10 @@ def _judge_validity(
 
 
 def read_runs(folder: Path, experiment: str | None = None) -> tuple[pd.DataFrame, list[str]]:
-    """Runs of a results folder, of `<folder>/<experiment>`, or of a kept history (Parquet, CSV).
+    """Reads the runs of a results folder, of `<folder>/<experiment>`, or of a history (Parquet,
+    CSV).
 
-    Raises SlambedError when there is nothing of that name; an empty folder gives no rows.
+    Raises SlambedError if there is nothing of that name; an empty folder gives no rows.
     """
     if folder.is_file():
         table = pd.read_parquet(folder) if folder.suffix == ".parquet" else pd.read_csv(folder)
@@ -220,7 +224,7 @@ def read_runs(folder: Path, experiment: str | None = None) -> tuple[pd.DataFrame
 
 
 def table_of_today(table: pd.DataFrame) -> pd.DataFrame:
-    """Summaries as rows, with today's names for their columns."""
+    """Returns summaries as rows with today's column names."""
     if "not_completed" in table or not len(table):
         return table.rename(columns=SUMMARY)
     rows = ({str(key): x for key, x in row.items()} for row in table.to_dict("records"))
@@ -230,8 +234,8 @@ def table_of_today(table: pd.DataFrame) -> pd.DataFrame:
 def append_history(
     history: Path, runs: pd.DataFrame, night_utc: str, passed: bool, commit: str = ""
 ) -> int:
-    """Adds tonight's runs to a Parquet history; those of the same night and experiment are
-    replaced. Nights that did not pass are kept too, but are no baseline. Returns its rows."""
+    """Adds tonight's runs to a Parquet history and replaces those of the same night and experiment.
+    Nights that failed are stored too, but are no baseline. Returns the number of rows."""
     new = runs.assign(night_utc=night_utc, passed=passed, commit=commit)
     if history.exists():
         old = table_of_today(pd.read_parquet(history))
@@ -245,7 +249,8 @@ def append_history(
 
 
 def _plain(table: pd.DataFrame) -> pd.DataFrame:
-    """One type per column: Parquet refuses mixtures, which nulls and booleans become."""
+    """Converts each column to one type, because Parquet rejects the mixtures that nulls and
+    booleans cause."""
     columns: dict[str, Any] = {}
     for name in table:
         values = table[name]

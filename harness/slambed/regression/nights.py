@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What of two nights is evidence: which runs may be compared, which are pairs, and how surely."""
+"""Selects what may be compared between two nights: which runs, which pairs, and which test."""
 
 from dataclasses import dataclass
 from itertools import count
@@ -22,12 +22,12 @@ from slambed.spec.device import VIRTUAL
 Floats = NDArray[np.float64]
 
 RANKED_WITH_FAILURES = "ate_rmse_m"
-"""A run that failed has an infinitely bad one, not none."""
+"""Metric in which a failed run ranks as infinitely bad instead of missing."""
 
 
 @dataclass(frozen=True)
 class Test:
-    """One metric of a cell on both sides; where `paired`, run by run of equal seed."""
+    """One metric of a cell on both sides; if `paired`, run by run of equal seed."""
 
     cell: str
     metric: Metric
@@ -36,7 +36,7 @@ class Test:
     paired: bool
 
     def p_value(self) -> float:
-        """Is tonight worse? One-sided."""
+        """Returns the one-sided p value that tonight is worse."""
         a, b = self.baseline, self.tonight
         if self.metric.kind == "share":
             if self.paired:
@@ -47,13 +47,14 @@ class Test:
         return float(worsening_p(a, b, self.metric.better))
 
     def least_p(self) -> float:
-        """The smallest p-value that so many runs can give."""
+        """Returns the smallest p value that this many runs can give."""
         if self.paired:
             return 2.0 ** -len(self.tonight) if self.metric.kind == "share" else 0.0
         return 1 / comb(len(self.baseline) + len(self.tonight), len(self.tonight))
 
     def runs_needed(self, level: float) -> int:
-        """Fewest runs a night (and in the baseline) with which the level can be reached."""
+        """Returns the fewest runs per night (and in the baseline) with which p can reach
+        `level`."""
         before = len(self.baseline)
         floors = (
             (n, 2.0**-n if self.paired else 1 / comb(max(before, n) + n, n)) for n in count(2)
@@ -62,11 +63,11 @@ class Test:
 
 
 def comparable(baseline: pd.DataFrame, tonight: pd.DataFrame) -> tuple[pd.DataFrame, str]:
-    """The runs of the baseline that are evidence beside tonight's, and a line about what is not.
+    """Returns the baseline's runs that may be compared with tonight's, and a line about the others.
 
-    A virtual run is made again with the same result by the same program: of the nights of a cell
-    only the newest counts, and a run that is kept twice counts once. Numbers of another version of
-    the metrics do not count.
+    The same program repeats a virtual run with the same result. So only the newest night of a cell
+    counts, and a run that is stored twice counts once. Runs of another version of the metrics do
+    not count.
     """
     note = ""
     if "metrics_version" in baseline and "metrics_version" in tonight:
@@ -93,7 +94,8 @@ def comparable(baseline: pd.DataFrame, tonight: pd.DataFrame) -> tuple[pd.DataFr
 def values_of_nights(
     before: pd.DataFrame, after: pd.DataFrame, item: Metric
 ) -> tuple[Floats, Floats, bool]:
-    """A metric on both sides; aligned, and True, where the runs are virtual and pair by seed."""
+    """Returns a metric on both sides, and whether the values are pairs: virtual runs aligned by
+    seed."""
     if item.key not in before or item.key not in after:
         return _values(before, item), _values(after, item), False
     pairs = None
@@ -109,14 +111,13 @@ def values_of_nights(
 
 
 def _values(rows: pd.DataFrame, item: Metric) -> Floats:
-    """The measured values."""
     if item.key not in rows or not len(finite(rows[item.key].to_numpy())):
         return np.zeros(0)
     return finite(_aligned(rows, item))
 
 
 def _aligned(rows: pd.DataFrame, item: Metric) -> Floats:
-    """One value per row, NaN where nothing was measured."""
+    """Returns one value per row, NaN where nothing was measured."""
     if item.key == RANKED_WITH_FAILURES and "coverage" in rows:
         pairs = zip(rows[item.key], rows["coverage"], strict=True)
         return np.array([failure_ranked(number(ate), number(cover)) for ate, cover in pairs])
@@ -125,9 +126,10 @@ def _aligned(rows: pd.DataFrame, item: Metric) -> Floats:
 
 
 def worsening_p(baseline: Floats, tonight: Floats, better: str) -> Floats:
-    """One-sided rank test along the last axis: is tonight worse? Exact without ties.
+    """Returns p of a one-sided rank test along the last axis that tonight is worse; exact without
+    ties.
 
-    Leading axes are independent tests; failed runs are infinite.
+    Leading axes are independent tests; values of failed runs are infinite.
     """
     alternative: Literal["less", "greater"] = "less" if better == "higher" else "greater"
     both = np.sort(np.concatenate([baseline, tonight], axis=-1), axis=-1)
@@ -135,21 +137,21 @@ def worsening_p(baseline: Floats, tonight: Floats, better: str) -> Floats:
         ties = bool(np.any(both[..., 1:] == both[..., :-1]))
     method: Literal["asymptotic", "exact"] = "asymptotic" if ties else "exact"
     result = stats.mannwhitneyu(tonight, baseline, alternative=alternative, axis=-1, method=method)
-    # All values equal: no spread, nothing shown.
+    # With all values equal there is no spread, so nothing is shown.
     return np.nan_to_num(np.asarray(result.pvalue, dtype=np.float64), nan=1.0)
 
 
 def paired_p(baseline: Floats, tonight: Floats, better: str) -> Floats:
-    """One-sided paired t-test along the last axis; 1 where no pair differs.
+    """Returns p of a one-sided paired t-test along the last axis; 1 if no pair differs.
 
-    Two nights of one system differ by their programs alone, so without a worsening the differences
-    are symmetric, where a t-test is at most too careful; few runs can pass Holm with it, which no
-    rank test of pairs can. With failed runs (infinite) a signed-rank test takes its place.
+    Two nights of one system differ only in their programs, so without a regression the differences
+    are symmetric, where a t-test is at most too conservative. With few runs it can pass Holm, which
+    no paired rank test can. With failed runs (infinite) a signed-rank test replaces it.
     """
     alternative: Literal["less", "greater"] = "less" if better == "higher" else "greater"
     if not (np.isfinite(baseline).all() and np.isfinite(tonight).all()):
         with np.errstate(invalid="ignore"):
-            change = np.nan_to_num(tonight - baseline, nan=0.0)  # failed both times: no change
+            change = np.nan_to_num(tonight - baseline, nan=0.0)  # failed on both nights
         return np.asarray(signed_rank(np.zeros(len(change)), change, alternative))
     change = tonight - baseline
     if not np.any(change):

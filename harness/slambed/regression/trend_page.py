@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""`slambed gate --publish`: the history of nights as a static page over commits."""
+"""`slambed gate --publish`: writes the history of nights as a static page over commits."""
 
 from collections.abc import Callable
 from math import isfinite
@@ -19,8 +19,8 @@ SHORT_COMMIT = 7
 
 
 def publish(history: pd.DataFrame, folder: Path, link: str = "") -> Path:
-    """Writes the page, and every point of it as a table. `link`: address to which a commit is
-    added; without it commits are named alone."""
+    """Writes the page, and all its points as a table. `link` is an address to which a commit is
+    appended; without it, commits are not links."""
     make_folder(folder, "--publish")
     found = trends_of(history)
     steps = sorted((s for e in found for s in e.steps), key=lambda s: s.night, reverse=True)
@@ -85,7 +85,7 @@ def _step(step: Step, link: str) -> dict[str, object]:
 
 
 def commit_link(commit: str, link: str) -> Markup:
-    """A commit by its first letters, leading to it where somebody said where."""
+    """Returns a short commit hash, as a link if an address is given."""
     short = escape(commit[:SHORT_COMMIT])
     if not commit:
         return Markup("unknown")
@@ -95,8 +95,8 @@ def commit_link(commit: str, link: str) -> Markup:
 
 
 def trend_svg(trend: Trend, link: str) -> Markup:
-    """Medians with their intervals, night by night; squares mark changes for the worse, diamonds
-    those for the better. A point leads to its commit and says what it is."""
+    """Draws medians with their intervals per night; squares mark changes for the worse, diamonds
+    those for the better. Each point links to its commit and has a tooltip."""
     points = [p for p in trend.points if isfinite(p.value.value)]
     if not points:
         return Markup('<p class="soft">no finite value</p>')
@@ -135,7 +135,8 @@ def trend_svg(trend: Trend, link: str) -> Markup:
 
 
 def _range(trend: Trend, points: list[Point]) -> tuple[float, float]:
-    """Of all intervals, with room for a change that would matter: noise is not blown up."""
+    """Returns the range of all intervals, widened to a relevant change so that noise is not
+    magnified."""
     ends = [end for p in points for end in (p.value.low, p.value.high, p.value.value)]
     finite = [end for end in ends if isfinite(end)]
     low, high = min(finite), max(finite)

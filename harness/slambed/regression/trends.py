@@ -1,9 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a history of nights says: every gated metric of every cell over commits, and its changes.
+"""Trends over a history of nights: every gated metric of every cell over commits, and its changes.
 
-A night is judged as the regression gate judges it, against the nights since the last change; so a
-step is
-marked once, at the commit that was measured first with it (as asv does), and not every night after.
+Each night is judged by the rule of the regression gate against the nights since the last change. So
+a step is marked once, at the commit first measured with it (as in asv), and not every night after.
 """
 
 from collections.abc import Iterator
@@ -20,11 +19,10 @@ from slambed.regression.gate import BASELINE_NIGHTS, judge, table_of_today
 from slambed.report.cells import estimate, text
 
 STEP_ALPHA = 0.005
-"""Chance of a false mark in a night, and as much for the better: among many nights the regression
-gate's own
-(a twentieth) would mark some that are none."""
+"""Chance of a false mark per night, for each direction. The gate's own level (0.05) would give
+false marks over many nights."""
 MOST_NIGHTS = 120
-"""Older ones are left out of the page; the history keeps them."""
+"""Older nights are left out of the page, but stay in the history."""
 
 
 @dataclass(frozen=True)
@@ -35,12 +33,12 @@ class Point:
     commit: str
     value: Interval
     passed: bool
-    """Whether the regression gate opened that night."""
+    """Whether that night passed the regression gate."""
 
 
 @dataclass(frozen=True)
 class Step:
-    """Where a metric changed, and the p-value (Holm, over the night) that shows it."""
+    """A change of a metric, and the p value that shows it (Holm over the night)."""
 
     night: str
     commit: str
@@ -64,7 +62,7 @@ class Trend:
 
 @dataclass
 class ExperimentTrends:
-    """All that the history has of an experiment, cell by cell."""
+    """The history of an experiment, cell by cell."""
 
     name: str
     nights: list[str]
@@ -72,13 +70,14 @@ class ExperimentTrends:
 
     @property
     def steps(self) -> list[Step]:
-        """The latest first."""
+        """Returns all changes, latest first."""
         found = [s for trends in self.cells.values() for trend in trends for s in trend.steps]
         return sorted(found, key=lambda step: (step.night, -step.p_value), reverse=True)
 
 
 def read_history(path: Path) -> pd.DataFrame:
-    """Raises SlambedError where there is none, or where it is no history of the regression gate."""
+    """Reads a history. Raises SlambedError if there is none, or if it is no history of the
+    regression gate."""
     if not path.is_file():
         raise SlambedError(f"no history {path}; 'slambed gate NAME --history {path}' begins one")
     try:
@@ -93,7 +92,7 @@ def read_history(path: Path) -> pd.DataFrame:
 
 
 def trends_of(history: pd.DataFrame) -> list[ExperimentTrends]:
-    """By experiment, in the order of their names."""
+    """Returns the trends by experiment, sorted by name."""
     return [
         _experiment(str(name), rows)
         for name, rows in history.groupby("experiment", sort=True)
@@ -125,14 +124,14 @@ def _point(night: str, some: pd.DataFrame, value: Interval) -> Point:
 
 
 def _commit(some: pd.DataFrame) -> str:
-    """Nights of older versions have none."""
+    """Returns the commit of a night; nights of older versions have none."""
     return text(some["commit"].iloc[0]) if "commit" in some else ""
 
 
 def _steps(name: str, rows: pd.DataFrame, nights: list[str]) -> Iterator[Step]:
-    """Cell by cell each night against those before it, back to the cell's last change."""
+    """Compares each night cell by cell with those before it, back to the cell's last change."""
     begins: dict[tuple[str, str], int] = {}
-    """Cell and metric -> the night that its baseline begins with."""
+    """Maps cell and metric to the index of the first night of its baseline."""
     for index, night in enumerate(nights[1:], start=1):
         tonight = rows[rows["night_utc"].eq(night)]
         by_begin: dict[int, list[tuple[str, str]]] = {}
@@ -152,8 +151,7 @@ def _steps(name: str, rows: pd.DataFrame, nights: list[str]) -> Iterator[Step]:
 def _changes(
     name: str, before: pd.DataFrame, tonight: pd.DataFrame, places: list[tuple[str, str]]
 ) -> Iterator[Step]:
-    """What the regression gate would call worse tonight, and worse before, which is better
-    tonight."""
+    """Yields what the gate's rule calls worse tonight, and with sides swapped, better tonight."""
     keys = sorted({key for _, key in places})
     for worse in (True, False):
         sides = (before, tonight) if worse else (tonight, before)

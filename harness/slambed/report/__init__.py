@@ -1,2 +1,2 @@
 # SPDX-License-Identifier: Apache-2.0
-"""From runs to tables, figures and pages (docs/results.md)."""
+"""Makes tables, figures and pages from runs (docs/reference/report.md)."""

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Draws a path with the alignment of the number beside it, and the truth where it was played."""
+"""Alignment and ground truth for drawings of paths, consistent with the ATE next to them."""
 
 import numpy as np
 
@@ -11,14 +11,14 @@ WORDS = {"se3": "rotation and translation, no scale", "sim3": "with its scale, S
 
 
 def alignment_of(estimate: Trajectory, truth: Trajectory, kind: object) -> Alignment:
-    """What moves the estimate onto the truth; `kind` is the run's `ate_alignment`, which says
-    whether its scale was free. Raises SlambedError with too few poses."""
+    """Returns the alignment of the estimate to the ground truth; `kind` is the run's
+    `ate_alignment` (`sim3`: free scale). Raises SlambedError with too few poses."""
     pair = associate(estimate, truth)
     return align_umeyama(pair[0].positions_m, pair[1].positions_m, with_scale=kind == "sim3")
 
 
 def played(truth: Trajectory, paths: list[Trajectory]) -> Trajectory:
-    """The part of the true path during which one of the estimates has poses."""
+    """Returns the part of the ground truth during which an estimate has poses."""
     paths = [path for path in paths if len(path)]
     if not paths:
         return truth

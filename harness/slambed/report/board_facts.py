@@ -7,7 +7,7 @@ COLUMNS = ("board", "board_is", "clock_error_ms", "clock_drift_ppm", "clock_over
 
 
 def board_facts(manifest: Manifest) -> dict[str, object]:
-    """Columns of a run with a board; none for another one."""
+    """Returns the columns of a run with a board; empty for other runs."""
     board = manifest.board
     if board is None:
         return {}

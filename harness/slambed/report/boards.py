@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Runs whose mobile node was on a real board: what lay between, and how well its clock is known."""
+"""Runs whose mobile node was on a real board: the network to it, and the accuracy of its clock."""
 
 import pandas as pd
 
@@ -8,7 +8,7 @@ from slambed.report.tables import Table
 
 
 def board_table(results: Results) -> Table | None:
-    """Every cell with a board: measured RTT and clocks; None where there is none."""
+    """Returns measured RTT and clocks of every cell with a board; None without one."""
     runs = _of_boards(results)
     if not len(runs):
         return None
@@ -49,7 +49,7 @@ def board_table(results: Results) -> Table | None:
 
 
 def board_lines(results: Results) -> list[str]:
-    """One sentence per board."""
+    """Returns one sentence per board."""
     lines: list[str] = []
     for (board, what), part in _of_boards(results).groupby(["board", "board_is"], sort=False):
         rtt, error = (

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a busy host did to runs that are valid all the same, a line per cell."""
+"""Warns about valid runs that a busy host affected, one line per cell."""
 
 from collections.abc import Callable
 
@@ -9,15 +9,17 @@ from slambed.metrics.resources import Resources, resources_of
 
 MOST_CELLS = 10
 STALL_MS = 100.0
+"""Time between two frames of the papers' playback: a longer stall drops one."""
 WAIT_SHARE = 0.5
 NODES = ("mobile", "edge")
 
 Samples = Callable[[str], pd.DataFrame | None]
-"""The samples of a run by its key; None where they cannot be read."""
+"""Returns the samples of a run by its key; None if they cannot be read."""
 
 
 def held_up(runs: pd.DataFrame) -> list[str]:
-    """A track loss in a run that the host held up may not be the system's."""
+    """Returns lines about track losses in runs that the host stalled; these may not be the
+    system's."""
     if "host_stall_ms_max" not in runs or "lost" not in runs:
         return []
     stalled = runs[(runs["host_stall_ms_max"] > STALL_MS) & runs["lost"].eq(True)]
@@ -30,7 +32,8 @@ def held_up(runs: pd.DataFrame) -> list[str]:
 
 
 def waited(runs: pd.DataFrame, samples: Samples) -> list[str]:
-    """On a busy host stages take longer than on the device, though the link was right."""
+    """Returns lines about runs whose mobile node waited for a CPU, so that stages took longer than
+    on the device."""
     if "cpu_wait_share" not in runs:
         return []
     waiting = runs[runs["cpu_wait_share"].astype(float) > WAIT_SHARE]
@@ -45,12 +48,13 @@ def waited(runs: pd.DataFrame, samples: Samples) -> list[str]:
 
 
 def _most(found: pd.DataFrame, samples: Samples) -> str:
-    """`in 01ab: mobile node 84 %, edge node 12 %`, each with its time: the run that waited most."""
+    """Returns the run that waited most, as `in 01ab: mobile node 84 %, edge node 12 %` with
+    times."""
     worst = found.sort_values("cpu_wait_share", kind="stable").iloc[-1]
     rows = samples(str(worst["run_key"]))
     end_s = None if pd.isna(worst["wall_s"]) else float(worst["wall_s"])
     nodes = {n: resources_of(rows, n, end_s) for n in NODES} if rows is not None else {}
-    # The summary's share decides: the samples may be gone or be older than it.
+    # The summary's share takes precedence, because samples may be missing or older.
     parts = [f"mobile node {_much(worst['cpu_wait_share'], nodes.get('mobile'))}"]
     edge = nodes.get("edge")
     if edge is not None and edge.cpu_wait_share is not None:

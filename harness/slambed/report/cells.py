@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Numbers per cell: estimates with intervals, and groups in the data."""
+"""Computes numbers per cell: estimates with intervals, and notes on groups in the data."""
 
 from dataclasses import dataclass
 
@@ -14,7 +14,7 @@ from slambed.metrics.statistics import Interval, finite, interval, wilson
 from slambed.report.load import Results
 
 MOST_FAULTS = 3
-"""So many different words about the faults of a cell are reported, the most frequent first."""
+"""Most descriptions of faults per cell, the most frequent first."""
 
 
 @dataclass(frozen=True)
@@ -27,20 +27,20 @@ class Cell:
     profile: str
     runs: int
     valid: int
-    """Runs that count."""
+    """Number of valid runs."""
     faults: str
-    """What went wrong on purpose in its runs, nothing when nothing did."""
+    """Injected faults of its runs; empty without any."""
     values: dict[str, Interval]
     """By metric key; a metric without any measured value is absent."""
     notes: list[str]
     hosts: str = ""
-    """Hosts with their runs that count, where several made the runs of the report."""
+    """Hosts with their valid runs, if several hosts made the runs of the report."""
 
 
 def metrics_to_show(results: Results) -> list[Metric]:
-    """What the experiment asks for first, then the usual ones; only what was measured anywhere.
+    """Returns the experiment's metrics first, then the usual ones; only those measured in some run.
 
-    Words are no metrics: cells have what is said about them.
+    Text values are left out; notes of the cells have them.
     """
     keys = dict.fromkeys([*metrics_asked(results), *keys_for(Use.SHOWN)])
     runs, numbers = results.valid_runs, results.numbers()
@@ -50,7 +50,8 @@ def metrics_to_show(results: Results) -> list[Metric]:
 
 
 def metrics_asked(results: Results) -> list[str]:
-    """The keys that the experiment names; where it counts losses, the share of runs with one."""
+    """Returns the metrics that the experiment names; with `track_losses` also the share of runs
+    with one."""
     report = results.spec.get("report")
     asked = report.get("metrics") if isinstance(report, dict) else None
     asked = [key for key in asked if isinstance(key, str)] if isinstance(asked, list) else []
@@ -58,7 +59,7 @@ def metrics_asked(results: Results) -> list[str]:
 
 
 def cells_of(results: Results, metrics: list[Metric]) -> list[Cell]:
-    """Every cell in order, with the estimates of the runs that count."""
+    """Returns every cell in order, with the estimates of its valid runs."""
     groups = {name: rows for name, rows in results.runs.groupby("cell", sort=False)}
     mixed = results.runs["host"].nunique(dropna=False) > 1
     return [_cell(name, groups[name], metrics, mixed) for name in results.cells()]
@@ -93,13 +94,13 @@ def _cell(name: str, rows: pd.DataFrame, metrics: list[Metric], mixed: bool) -> 
 
 
 def hosts_of(rows: pd.DataFrame) -> str:
-    """`lab1:10, lab2:10`; a dash for runs that were made without a file of hosts."""
+    """Returns `lab1:10, lab2:10`, with a dash for runs without a hosts file."""
     counts = rows["host"].fillna("-").value_counts().sort_index()
     return ", ".join(f"{host}:{count}" for host, count in counts.items())
 
 
 def _outcome_notes(rows: pd.DataFrame) -> list[str]:
-    """Runs that did not complete, with the words of the first ones."""
+    """Returns notes on runs that did not complete, with the most frequent reason."""
     notes: list[str] = []
     for outcome, runs in rows[rows["not_completed"].eq(True)].groupby("outcome", sort=False):
         reasons = runs["outcome_reason"].dropna().astype(str).value_counts()
@@ -109,19 +110,20 @@ def _outcome_notes(rows: pd.DataFrame) -> list[str]:
 
 
 def _faults(rows: pd.DataFrame) -> str:
-    """Each different one once: live runs of a cell may differ by some tenths of a second."""
+    """Returns the distinct faults; live runs of a cell may differ by some tenths of a second."""
     found = list(rows["faults"].dropna().astype(str).value_counts().index)
     more = len(found) - MOST_FAULTS
     return "; ".join(found[:MOST_FAULTS]) + (f"; {more} more" if more > 0 else "")
 
 
 def text(value: object) -> str:
-    """A name, or nothing for null."""
+    """Returns a value as text, empty for null."""
     return "" if value is None or value != value else str(value)
 
 
 def estimate(rows: pd.DataFrame, item: Metric) -> Interval | None:
-    """Share with Wilson's interval, or median with its interval; None when not measured."""
+    """Returns a share with Wilson's interval, or a median with its interval; None if not
+    measured."""
     if item.key not in rows:
         return None
     values = finite(rows[item.key].to_numpy())
@@ -133,7 +135,7 @@ def estimate(rows: pd.DataFrame, item: Metric) -> Interval | None:
 
 
 def _groups_note(rows: pd.DataFrame, item: Metric) -> list[str]:
-    """One median would hide two groups of runs: say so."""
+    """Returns a note on two groups of runs, which one median would hide."""
     if item.kind == "share" or item.key not in rows:
         return []
     modes = two_modes(rows[item.key].to_numpy())
@@ -146,7 +148,8 @@ def _groups_note(rows: pd.DataFrame, item: Metric) -> list[str]:
 
 
 def _coverage_note(rows: pd.DataFrame) -> list[str]:
-    """ATE of survivors flatters a system that fails often: give the median over all runs too."""
+    """Returns a note with the median over all runs: the ATE of runs with enough coverage alone
+    flatters a system that fails often."""
     if not len(finite(rows["ate_rmse_m"].to_numpy())):
         return []
     found = coverage_aware_ate(
@@ -172,7 +175,7 @@ def _coverage_note(rows: pd.DataFrame) -> list[str]:
 
 
 def _scale_note(rows: pd.DataFrame) -> list[str]:
-    """A path that was judged up to its scale must not pass for one in meters."""
+    """Returns a note on a free scale, so that a Sim(3) error is not taken for a metric one."""
     free = rows[rows["ate_alignment"] == "sim3"]
     if not len(free):
         return []
@@ -181,5 +184,5 @@ def _scale_note(rows: pd.DataFrame) -> list[str]:
 
 
 def number(value: object) -> float | None:
-    """A float, None for null."""
+    """Returns a float, or None for null."""
     return None if value is None or value != value else float(str(value))

@@ -1,8 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
-"""On which compute times the numbers of a report stand: a device's cost model, or this host's own.
+"""Finds the compute times behind a report's numbers: those of a device's cost model, or of this
+host.
 
-A device of one name is two machines where live runs take what a limited host takes: the ratio says
-how far apart they are. Live runs at the device's pace take what its model charges, in real time.
+Live runs under limits take the host's compute times, so one device name may mean two machines; the
+ratio tells how far apart they are. Live runs at the device's pace take the model's times in real
+time.
 """
 
 from dataclasses import dataclass
@@ -17,12 +19,12 @@ from slambed.spec.experiment import DEVICE_PACE
 from slambed.spec.library import Library
 
 STAGES = ("extract", "track")
-"""What the mobile node does for every frame."""
+"""Stages of the mobile node for every frame."""
 CLOSE = 1.25
 """Times within this factor are called the same machine."""
 FAR = 2.0
-"""Live times off by more than this factor are a warning: other frames are dropped and other tracks
-lost than on the device."""
+"""Live times off by more than this factor cause a warning, because other frames are dropped and
+other tracks lost than on the device."""
 
 
 @dataclass(frozen=True)
@@ -41,12 +43,12 @@ class ComputeTime:
 
     @property
     def ratio(self) -> float | None:
-        """How many times as long the device would take."""
+        """Returns how many times as long the device would take."""
         return None if self.model_ms is None else self.model_ms / self.ran_ms
 
     def warning(self, name: str) -> str | None:
-        """Where a live run on this host is far from its device: by how much, and what to do about
-        it. `name`: of the experiment. None where all is well or nobody can say."""
+        """Returns how far live runs are from their device, and what to do. `name` is the
+        experiment. None if the times are close or unknown."""
         if self.virtual or self.paced or self.board or self.model_ms is None or self.ratio is None:
             return None
         if 1 / FAR <= self.ratio <= FAR:
@@ -67,7 +69,7 @@ class ComputeTime:
         )
 
     def line(self) -> str:
-        """In a sentence."""
+        """Returns the compute times in a sentence."""
         per_frame = f"extraction and tracking take {self.ran_ms:.1f} ms per frame"
         if self.virtual:
             return f"Compute times of {self.device} are those of its cost model: {per_frame}."
@@ -93,7 +95,8 @@ class ComputeTime:
 
 
 def compute_times(results: Results) -> list[ComputeTime]:
-    """One entry per mobile device, kind of engine and pace, from a run of each system on it."""
+    """Returns one entry per mobile device, kind of engine and pace, from one run of each system on
+    it."""
     found: list[ComputeTime] = []
     runs = results.valid_runs
     kinds = [
@@ -126,7 +129,7 @@ def compute_times(results: Results) -> list[ComputeTime]:
 
 
 def _model(device: str) -> CostModel | None:
-    """Of a device file; a device that an experiment made up has none here."""
+    """Returns the model of a device file; None for a device defined in an experiment."""
     try:
         return Library().device(device).model
     except SlambedError:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Which runs belong into one figure: equal dataset and profile, one line per system."""
+"""Groups the runs of one figure: equal dataset and profile, one line per system."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -11,12 +11,12 @@ from slambed.report.cells import text
 from slambed.report.load import Results
 
 RUNS_AVERAGED = 10
-"""Runs per cell that a curve over time is made of: enough for a mean, bounded for big campaigns."""
+"""Most runs per cell in a curve over time: enough for a mean, bounded for large campaigns."""
 
 
 @dataclass(frozen=True)
 class Condition:
-    """All runs that count with one dataset and one profile."""
+    """All runs with one dataset and one profile."""
 
     dataset: str
     profile: str
@@ -24,17 +24,17 @@ class Condition:
 
     @property
     def title(self) -> str:
-        """Dataset and profile, for headings."""
+        """Returns dataset and profile, for headings."""
         return f"{self.dataset}, {self.profile}" if self.profile else self.dataset
 
     def systems(self) -> Iterator[tuple[str, pd.DataFrame]]:
-        """Label and runs of every system."""
+        """Yields label and runs of every system."""
         for label, rows in self.runs.groupby("label", sort=False):
             yield str(label), rows
 
 
 def conditions_of(results: Results, all_runs: bool = False) -> list[Condition]:
-    """Every condition in the order of the cells."""
+    """Returns every condition in the order of the cells, of valid runs or of all."""
     runs = results.runs if all_runs else results.valid_runs
     return [
         Condition(text(dataset), text(profile), rows)
@@ -45,7 +45,7 @@ def conditions_of(results: Results, all_runs: bool = False) -> list[Condition]:
 
 
 def typical_run(rows: pd.DataFrame, key: str = "ate_rmse_m") -> str | None:
-    """The run whose value is nearest to the median (lower one of two); any run if none has it."""
+    """Returns the key of the median run (the lower of two), or of any run if none has a value."""
     if not len(rows):
         return None
     values = pd.to_numeric(rows[key], errors="coerce").to_numpy(np.float64)
@@ -57,5 +57,5 @@ def typical_run(rows: pd.DataFrame, key: str = "ate_rmse_m") -> str | None:
 
 
 def some_runs(rows: pd.DataFrame) -> list[str]:
-    """The first runs of a cell, at most RUNS_AVERAGED."""
+    """Returns the first runs of a cell, at most RUNS_AVERAGED."""
     return [str(key) for key in rows["run_key"].head(RUNS_AVERAGED)]

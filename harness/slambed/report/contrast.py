@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""One metric of two groups of runs: what it is in each, the change with its interval, one test."""
+"""Compares one metric between two groups of runs: both values, the change with its interval, one
+test."""
 
 from dataclasses import dataclass
 
@@ -18,26 +19,27 @@ Floats = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class MetricContrast:
-    """Of a metric, between runs A and runs B."""
+    """The contrast of a metric between runs A and runs B."""
 
     a: float
     b: float
-    """Medians; of a share the share."""
+    """Medians, or shares."""
     change: Interval
     """B - A."""
     effect: str
-    """In words, without a unit."""
+    """Effect size in words, without a unit."""
     p_value: float
     paired: bool
 
     @property
     def runs(self) -> int:
-        """Pairs, or the runs of the smaller side."""
+        """Returns the number of pairs, or of runs on the smaller side."""
         return self.change.count
 
 
 def contrast(item: Metric, a: pd.DataFrame, b: pd.DataFrame) -> MetricContrast | None:
-    """Paired where seeds pair the runs; None where it was not measured twice on both sides."""
+    """Compares in pairs if seeds allow it; None if the metric was not measured twice on both
+    sides."""
     if item.key not in a or item.key not in b:
         return None
     pairs = paired_by_seed(a, b)
@@ -75,10 +77,11 @@ def _of_shares(x: Floats, y: Floats, paired: bool) -> MetricContrast:
 
 
 def paired_by_seed(a: pd.DataFrame, b: pd.DataFrame) -> tuple[pd.DataFrame, pd.DataFrame] | None:
-    """The runs of either side that share a seed, in equal order; None where seeds pair nothing.
+    """Returns the runs of both sides with shared seeds in the same order; None if seeds cannot pair
+    them.
 
-    Only in virtual time does a seed decide what happens to a run: live runs of equal seed are no
-    more alike than others, and are compared unpaired.
+    Only in virtual time does a seed determine a run. Live runs of equal seed are no more alike than
+    others, and are compared unpaired.
     """
     both = pd.concat([a["engine"], b["engine"]])
     if not both.eq(VIRTUAL).all() or a["seed"].isna().any() or b["seed"].isna().any():

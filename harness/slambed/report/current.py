@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Whether a report is one of the runs that are there: a campaign may have been killed between its
-last run and its report, or while that was being written."""
+"""Checks that a report belongs to the stored runs: a campaign may have been killed before or while
+it wrote the report."""
 
 import hashlib
 from pathlib import Path
@@ -9,7 +9,7 @@ STAMP = "made_of.sha256"
 
 
 def made_of(experiment_dir: Path) -> str:
-    """One number for the runs that a report reports, with what was computed from them."""
+    """Returns a digest of all runs of a report and their summaries."""
     digest = hashlib.sha256()
     for summary in sorted((experiment_dir / "runs").glob("*/summary.json")):
         digest.update(f"{summary.parent.name} ".encode() + summary.read_bytes())
@@ -17,17 +17,18 @@ def made_of(experiment_dir: Path) -> str:
 
 
 def is_current(experiment_dir: Path) -> bool:
-    """Whether the report is there, whole, and of these runs."""
+    """Returns whether the report exists, is complete, and is of these runs."""
     stamp = experiment_dir / "report" / STAMP
     return stamp.is_file() and stamp.read_text() == made_of(experiment_dir)
 
 
 def begin(experiment_dir: Path, place: Path) -> str:
-    """What the report in `place` will be made of. Until `finish` there is no whole one."""
+    """Returns the digest of the runs, and marks the report in `place` as incomplete until
+    `finish`."""
     (place / "report" / STAMP).unlink(missing_ok=True)
     return made_of(experiment_dir)
 
 
 def finish(place: Path, runs: str) -> None:
-    """The report is whole."""
+    """Marks the report as complete."""
     (place / "report" / STAMP).write_text(runs)

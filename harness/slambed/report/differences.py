@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Tests between the systems and between the links of an experiment, of its own metrics."""
+"""Tests an experiment's metrics between its systems and between its links."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
@@ -15,17 +15,17 @@ from slambed.report.load import Results
 from slambed.report.tables import Table, around
 
 SYSTEMS, LINKS = "label", "profile"
-"""What is compared: the column of the runs."""
+"""Columns of the runs that are compared."""
 NO_LINK = "no link"
 
 
 @dataclass(frozen=True)
 class Difference:
-    """One metric of one system (or link) against the baseline, all else being equal."""
+    """One metric of one system (or link) against the baseline under equal conditions."""
 
     dataset: str
     under: str
-    """The link where systems are compared, the system where links are."""
+    """The link if systems are compared, else the system."""
     metric: Metric
     baseline: str
     other: str
@@ -37,7 +37,7 @@ class Difference:
 
     @property
     def verdict(self) -> str:
-        """In words; equality is never claimed."""
+        """Returns the result in words, which never claim equality."""
         if self.p_value > USUAL_ALPHA:
             return "no difference shown" if self.possible else "too few runs to show any"
         rises = self.found.b > self.found.a
@@ -49,8 +49,8 @@ class Difference:
 def differences(
     results: Results, baseline: str | None = None, between: str = SYSTEMS
 ) -> list[Difference]:
-    """Every system against the first one (or `baseline`) with the same dataset and link; between
-    LINKS every link against the first one, of the same system and dataset."""
+    """Compares every system with the first one (or `baseline`) for the same dataset and link; with
+    LINKS, every link with the first one for the same system and dataset."""
     runs = results.valid_runs
     if not len(runs):
         return []
@@ -79,10 +79,10 @@ def _could_show(d: Difference, comparisons: int) -> bool:
 def _pairs(
     runs: pd.DataFrame, between: str, baseline: str | None
 ) -> Iterator[tuple[str, str, str, str, pd.DataFrame, pd.DataFrame]]:
-    """Dataset, what is equal besides, baseline and other, with the runs of both."""
+    """Yields dataset, the equal link or system, baseline and other, and the runs of both."""
     fixed = LINKS if between == SYSTEMS else SYSTEMS
     named = runs[between].map(_name)
-    # An engine is compared with itself: live and virtual numbers are different things.
+    # Live and virtual numbers are never compared with each other.
     for (engine, dataset, under), group in runs.groupby(
         ["engine", "dataset", fixed], sort=False, dropna=False
     ):
@@ -101,12 +101,13 @@ def _name(value: object) -> str:
 
 
 def difference_tables(results: Results) -> list[Table]:
-    """Between systems, and between links where there are several."""
+    """Returns the tables between systems and between links."""
     return [difference_table(differences(results, between=b), b) for b in (SYSTEMS, LINKS)]
 
 
 def difference_table(found: list[Difference], between: str = SYSTEMS) -> Table:
-    """Every tested difference, the shown ones first; the caption says what the runs could show."""
+    """Returns every tested difference, smallest p first; the caption has what the runs could
+    show."""
     rows = [
         [
             d.dataset,
@@ -143,7 +144,7 @@ def difference_table(found: list[Difference], between: str = SYSTEMS) -> Table:
 
 
 def _power(found: list[Difference]) -> str:
-    """How many runs the comparisons that could show nothing would have needed."""
+    """Returns how many runs the comparisons without enough runs would have needed."""
     blind = [d for d in found if not d.possible]
     if not blind:
         return ""

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The report of one experiment: everything that is written beside its runs."""
+"""Writes the report of one experiment."""
 
 from collections.abc import Iterable
 from dataclasses import dataclass
@@ -49,24 +49,24 @@ class ReportPaths:
 
 @dataclass(frozen=True)
 class ReportSummary:
-    """What page and terminal both report the runs; to compute it takes seconds for thousands."""
+    """What page and terminal both show; computing it takes seconds for thousands of runs."""
 
     results: Results
     cells: list[Cell]
     tables: list[Table]
     comparisons: list[Table]
     times: list[ComputeTime]
-    """On which compute times all that stands."""
+    """Compute times behind the numbers."""
 
     @property
     def warnings(self) -> list[str]:
-        """What must be read before any number."""
+        """Returns what a reader must know before any number."""
         found = (time.warning(self.results.name) for time in self.times)
         return [line for line in found if line is not None]
 
     @classmethod
     def of(cls, results: Results, comparisons: Iterable[Table] = ()) -> "ReportSummary":
-        """Of the runs that were read. `comparisons`: tables of them beside published numbers."""
+        """Summarizes loaded runs. `comparisons` are tables of these and published numbers."""
         metrics = metrics_to_show(results)
         cells = cells_of(results, metrics)
         tables = [*cell_tables(cells, metrics), *update_round_tables(results)]
@@ -88,9 +88,9 @@ def write_report(
 ) -> ReportPaths:
     """Writes summary.csv, report.md and report/ (index.html, figures, tables) from the runs alone.
 
-    Torn, missing or foreign files are reported in the report. Raises SlambedError only when the
-    folder is not there. `summary`: what is in the folder, where the caller has read it; `formats`:
-    of the figures; `place`: where all of it goes instead of the folder of the runs.
+    The report lists damaged, missing or unknown files. Raises SlambedError only if the folder does
+    not exist. `summary`: of the folder, if the caller has it; `formats`: of the figures; `place`:
+    output folder, default the folder of the runs.
     """
     place = place or experiment_dir
     runs = current.begin(experiment_dir, place)
@@ -130,8 +130,8 @@ def write_report(
 
 
 def write_summary_csv(results: Results, place: Path) -> Path:
-    """One row per run: the keys of summary.json, systems' own, label, host and parameters; replaced
-    by one rename."""
+    """Writes one row per run: the keys of summary.json, systems' own metrics, label, host and
+    parameters. The file is replaced atomically."""
     path = place / "summary.csv"
     with replacing(path) as out:
         results.runs[_columns(results)].to_csv(out, index=False)
@@ -145,7 +145,7 @@ def _columns(results: Results) -> list[str]:
 
 
 def write_tables(tables: list[Table], folder: Path) -> None:
-    """Each table as CSV, Markdown and LaTeX."""
+    """Writes each table as CSV, Markdown and LaTeX."""
     folder.mkdir(parents=True, exist_ok=True)
     for table in tables:
         if not table.rows:
@@ -189,7 +189,7 @@ def _markdown(results: Results, content: PageContent) -> str:
 
 
 def headline(results: Results, cells: list[Cell]) -> str:
-    """The most important line."""
+    """Returns the most important line."""
     total, valid = len(results.runs), len(results.valid_runs)
     if total == 0:
         return "Nothing was measured."
@@ -202,7 +202,7 @@ def headline(results: Results, cells: list[Cell]) -> str:
 
 
 def _failed(results: Results) -> str:
-    """How many of them did not complete, nothing when all did."""
+    """Returns how many runs did not complete; empty if all did."""
     count = int(results.valid_runs["not_completed"].eq(True).sum())
     return f", {count} of them did not complete" if count else ""
 
@@ -213,8 +213,8 @@ def terminal_summary(
     summary: ReportSummary | None = None,
     place: Path | None = None,
 ) -> RenderableType:
-    """The tables for a terminal; printed when a console is given. `place`: of the report, where
-    that is not beside the runs."""
+    """Returns the tables for a terminal, and prints them if a console is given. `place` is the
+    folder of the report, default the folder of the runs."""
     summary = summary or ReportSummary.of(load(experiment_dir))
     results, cells = summary.results, summary.cells
     parts: list[RenderableType] = [Text(f"{results.title}: {headline(results, cells)}")]
@@ -225,7 +225,7 @@ def terminal_summary(
     parts += [Text(f"! {line}") for line in notes[:MOST_TERMINAL_LINES]]
     if len(notes) > MOST_TERMINAL_LINES:
         parts.append(Text(f"! ... and {len(notes) - MOST_TERMINAL_LINES} more in report.md"))
-    # A path that is broken in two cannot be copied.
+    # A path on one line can be copied.
     page = f"report: {(place or experiment_dir) / 'report' / 'index.html'}"
     parts.append(Text(page, no_wrap=True, overflow="ignore"))
     group = Group(*parts)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Which figures of a report are there already: what each was drawn of, and what came of it."""
+"""Remembers which figures of a report exist: what each was drawn from, and its output."""
 
 import hashlib
 import json
@@ -20,7 +20,7 @@ from slambed.report.style import FigureWriter, SavedFigure
 
 LIST = "drawn.json"
 DRAWING = ("report", "metrics", "data")
-"""Packages whose code decides how a figure looks."""
+"""Packages whose code affects figures."""
 LIBRARIES = ("matplotlib", "numpy", "pandas", "scipy")
 RUN_FILES = (
     "events.parquet", "samples.parquet", "link.parquet", "trajectory.txt", "trajectory_live.txt",
@@ -28,14 +28,15 @@ RUN_FILES = (
 
 
 def made_of(rows: pd.DataFrame, *words: str) -> str:
-    """One number for what a figure shows of these rows of the runs."""
+    """Returns a digest of the rows that a figure shows."""
     whole = hashlib.sha256("\0".join(words).encode())
     whole.update(rows.to_csv(index=False).encode())
     return whole.hexdigest()
 
 
 def files_of(results: Results, rows: pd.DataFrame) -> str:
-    """One number for the files of these runs and their true paths, by size and time."""
+    """Returns a digest of the files of these runs and their ground truths, by size and modification
+    time."""
     paths = [results.run_dir(str(key)) / name for key in rows["run_key"] for name in RUN_FILES]
     paths += [results.groundtruth_file(str(name)) for name in rows["dataset"].dropna().unique()]
     whole = hashlib.sha256()
@@ -51,7 +52,7 @@ def files_of(results: Results, rows: pd.DataFrame) -> str:
 
 @cache
 def drawing_code() -> str:
-    """One number for everything that draws."""
+    """Returns a digest of all code that draws."""
     root = Path(slambed.__file__).parent
     whole = hashlib.sha256(" ".join(map(version, LIBRARIES)).encode())
     for package in DRAWING:
@@ -62,7 +63,7 @@ def drawing_code() -> str:
 
 @dataclass
 class Made:
-    """What came of one job."""
+    """The output of one job."""
 
     figures: list[SavedFigure] = field(default_factory=list)
     empty: list[str] = field(default_factory=list)
@@ -70,7 +71,7 @@ class Made:
 
     @classmethod
     def of_json(cls, content: dict[str, Any]) -> "Made":
-        """As it was written."""
+        """Restores it from JSON."""
         figures = [SavedFigure(**item) for item in content["figures"]]
         return cls(figures, content["empty"], content["problems"])
 
@@ -82,11 +83,11 @@ class FigureCache:
         self._path = folder / LIST
         self._before = read_object(self._path) or {}
         self._now: dict[str, Made] = {}
-        # A report that is killed while it draws leaves no figure to be taken for whole.
+        # If this report is killed while it draws, the next one must not reuse its figures.
         self._path.unlink(missing_ok=True)
 
     def keeps(self, made_of: str, results: Results, writer: FigureWriter) -> bool:
-        """Whether all is there that a job would draw; then it counts as drawn."""
+        """Returns whether all figures of a job exist; if so, they count as drawn."""
         key = self._key(made_of, writer)
         if (content := self._before.get(key)) is None:
             return False
@@ -102,7 +103,7 @@ class FigureCache:
 
     @contextmanager
     def notes(self, made_of: str, results: Results, writer: FigureWriter) -> Iterator[None]:
-        """Remembers what is drawn meanwhile; nothing where that ends with an error."""
+        """Records what is drawn inside the context; nothing if it raises."""
         figures, empty = len(writer.saved), len(writer.empty)
         problems = len(results.problems)
         yield
@@ -111,7 +112,7 @@ class FigureCache:
         )
 
     def write(self) -> None:
-        """For the next report."""
+        """Writes the list for the next report."""
         content = {key: asdict(made) for key, made in self._now.items()}
         self._path.write_text(json.dumps(content, indent=1) + "\n")
 

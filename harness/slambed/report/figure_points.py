@@ -1,7 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a figure shows, in numbers and by place, for the script that reports values under a pointer.
+"""Extracts the values of a figure and their places, for the script that shows values under the
+pointer.
 
-The picture stays what it is, on paper and without a script; this lies over it.
+The image itself is unchanged; the script only overlays it.
 """
 
 from typing import Any
@@ -15,14 +16,14 @@ from matplotlib.patches import Rectangle
 from numpy.typing import NDArray
 
 MOST_POINTS = 1000
-"""Of a curve: more cannot be pointed at."""
+"""Most points of a curve: a pointer cannot resolve more."""
 DIGITS = 5
 Floats = NDArray[np.float64]
 
 
 def points_of(made: Figure) -> dict[str, Any]:
-    """Per axes its box in the picture (shares of width and height, from the upper left), its scales
-    and what can be pointed at. The figure is laid out."""
+    """Returns per axes its box in the image (fractions of width and height from the upper left),
+    its scales, curves and bars. The figure must be laid out."""
     return {"axes": [_axes(axis) for axis in made.axes]}
 
 
@@ -43,7 +44,7 @@ def _scale(axis: Axes, which: str) -> dict[str, Any]:
     texts = [
         (t.get_position()[0 if which == "x" else 1], t.get_text()) for t in own.get_ticklabels()
     ]
-    # Names of cells and stages stand at whole numbers; what reads as a number is none.
+    # Tick labels that do not parse as numbers are names of cells and stages.
     named = [
         [float(at), " ".join(text.split())] for at, text in texts if text and not _is_number(text)
     ]
@@ -56,7 +57,7 @@ def _scale(axis: Axes, which: str) -> dict[str, Any]:
 
 
 def _is_number(text: str) -> bool:
-    if "$" in text:  # a power of ten, as mathematics is set
+    if "$" in text:  # a power of ten in mathtext
         return True
     try:
         float(text.replace("\N{MINUS SIGN}", "-"))
@@ -66,14 +67,13 @@ def _is_number(text: str) -> bool:
 
 
 def _hex(color: Any) -> str:
-    """Of whatever Matplotlib takes for a color."""
     return to_hex(to_rgba(color))
 
 
 def _curves(axis: Axes) -> list[dict[str, Any]]:
     found = []
     for line in axis.lines:
-        if line.get_transform() != axis.transData:  # a mark at the edge, no data
+        if line.get_transform() != axis.transData:  # a mark at the edge, not data
             continue
         points = np.asarray(line.get_xydata(), dtype=np.float64)
         found.append(_curve(axis, points, str(line.get_label()), _hex(line.get_color())))
@@ -95,14 +95,15 @@ def _curve(axis: Axes, points: Floats, label: str, color: str) -> dict[str, Any]
     points = points[inside]
     if len(points) > MOST_POINTS:
         points = points[np.linspace(0, len(points) - 1, MOST_POINTS).astype(np.intp)]
-    # matplotlib gives what nobody named names that begin so.
+    # Matplotlib's labels of unnamed artists begin with an underscore.
     name = "" if label.startswith("_") else label
     x, y = ([_short(float(v)) for v in column] for column in points.T)
     return {"name": name, "color": color, "x": x, "y": y}
 
 
 def _bars(axis: Axes) -> list[dict[str, Any]]:
-    """Bars lie: their length is their value. Parts of a bar have the name of their part."""
+    """Returns the bars, which are horizontal: their width is their value. Parts of a stacked bar
+    have the name of their part."""
     found = []
     for container in axis.containers:
         name = str(container.get_label())

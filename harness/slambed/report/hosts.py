@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Which hosts executed the runs of a report, and whether that made a difference."""
+"""Shows which hosts executed the runs of a report, and how their results differ."""
 
 import pandas as pd
 
@@ -13,7 +13,7 @@ NO_HOST = "(no host file)"
 
 
 def host_table(results: Results, metrics: list[Metric]) -> Table | None:
-    """Every cell once per host, with its first metrics; None where one host made all runs."""
+    """Returns every cell once per host, with its first metrics; None if one host made all runs."""
     runs = results.runs
     if not mixes_hosts(runs):
         return None
@@ -36,5 +36,4 @@ def host_table(results: Results, metrics: list[Metric]) -> Table | None:
 
 
 def mixes_hosts(runs: pd.DataFrame) -> bool:
-    """Whether several hosts made these runs."""
     return bool(runs["host"].nunique(dropna=False) > 1)

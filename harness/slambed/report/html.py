@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The experiment as one self-contained HTML file."""
+"""Writes the report as one self-contained HTML file."""
 
 import base64
 from dataclasses import dataclass
@@ -23,17 +23,17 @@ from slambed.spec.run_spec import run_name
 MOST_RUNS = 300
 MOST_TIMELINES = 24
 SHORT_COMMIT = 7
-"""Letters, as git shortens it; the whole one is under "Manifest"."""
+"""Characters of a short hash, as in git; section "Manifest" has the full one."""
 MOST_SVG_BYTES = 150_000
 """A figure larger than this as SVG is inlined as PNG."""
 
 
 @dataclass
 class PageContent:
-    """Everything the page shows beside what `Results` knows."""
+    """Everything the page shows besides `Results`."""
 
     warnings: list[str]
-    """What must be read before any number."""
+    """What a reader must know before any number."""
     setup: list[str]
     """Engines, devices and compute times, in sentences."""
     settings: Table
@@ -135,7 +135,8 @@ def _hint(cells: list[Cell]) -> str:
 
 
 def _chosen_runs(runs: pd.DataFrame) -> list[dict[str, Any]]:
-    """All runs; of a large campaign the failed and lossy ones, then the first of every cell."""
+    """Returns all runs; of a large campaign the failed and lossy ones, then the first of every
+    cell."""
     flagged = ~runs["valid"].eq(True) | runs["not_completed"].eq(True) | runs["lost"].eq(True)
     first = ~runs.duplicated("cell")
     marked = runs.assign(wanted=flagged | first)

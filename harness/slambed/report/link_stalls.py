@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Links on which nothing moved, a line per cell."""
+"""Warns about stalled links, one line per cell."""
 
 import pandas as pd
 
@@ -7,8 +7,9 @@ MOST_CELLS = 10
 
 
 def stalled_links(runs: pd.DataFrame) -> list[str]:
-    """Bytes under way of which none is acknowledged for 1 s: TCP waits for a time-out, or the link
-    is cut. What then comes late is the link's."""
+    """Returns lines about runs with link stalls: bytes in flight of which none is acknowledged for
+    1 s, because TCP waits for a timeout or the link is cut. Late messages after a stall are the
+    link's fault."""
     if "link_stalls" not in runs:
         return []
     stalls = runs[runs["link_stalls"].astype(float) > 0]

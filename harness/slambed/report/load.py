@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A results folder in memory; what is torn, missing or foreign becomes a line in `problems`."""
+"""Loads a results folder; damaged, missing or unknown files become lines in `problems`."""
 
 from collections import Counter
 from collections.abc import Callable
@@ -31,38 +31,38 @@ from slambed.report.metrics_versions import REMEDY, described, old_version, refu
 from slambed.spec.experiment import DEVICE_PACE
 
 MOST_PROBLEMS_PER_KIND = 10
-"""The time between two frames of the papers' playback: a longer stall drops one."""
+"""Further problems of the same kind are only counted."""
 MANIFEST_FACTS = (
     "commit", "dirty", "image_id", "sequence_checksum", "kernel", "cpu_model", "cores", "command",
 )  # fmt: skip
-"""What should be equal in all runs of an experiment; the report shows when it is not."""
+"""Facts that should be equal in all runs of an experiment; the report shows where they differ."""
 
 
 Row = dict[str, object]
-"""What becomes a row of a table."""
 
 
 @dataclass(repr=False)
 class Results:
-    """All runs of one experiment: `runs` has one row per run, columns are the summary keys plus
-    `label`, `host` (of several; else null), those of `board_facts`, `params.<name>`,
-    `plan.<paper>`, `started_utc`, `folder` and `described` (what finds the description)."""
+    """All runs of one experiment. `runs` has one row per run; its columns are the summary keys,
+    `label`, `plain_label` (without the engine), `host` (null without a hosts file), those of
+    `board_facts`, `params.<name>`, `plan.<paper>`, `started_utc`, `folder` and `described` (key of
+    the system's description)."""
 
     folder: Path
     title: str
     runs: pd.DataFrame
     problems: list[str] = field(default_factory=list)
     facts: dict[str, Counter[str]] = field(default_factory=dict)
-    """Manifest facts and how many runs have each value."""
+    """Counts the runs by value of each manifest fact."""
     facts_of: dict[str, dict[str, str]] = field(default_factory=dict)
-    """The same of each run, by its key."""
+    """Manifest facts of each run, by its key."""
     limits: pd.DataFrame = field(default_factory=pd.DataFrame)
     expected: int | None = None
     """Runs the experiment asks for, when known."""
     spec: dict[str, Any] = field(default_factory=dict)
-    """The experiment file as run, where it was kept."""
+    """The experiment file as run, if it was stored."""
     refused: list[str] = field(default_factory=list)
-    """Runs whose numbers must not stand beside the others'; they do not count here."""
+    """Runs whose numbers must not be mixed with the others'; they count as invalid."""
 
     def __repr__(self) -> str:
         systems = self.runs["label"].nunique() if "label" in self.runs else 0
@@ -74,38 +74,36 @@ class Results:
 
     @property
     def name(self) -> str:
-        """The experiment's id."""
+        """Returns the experiment's id."""
         return self.folder.name
 
     @property
     def valid_runs(self) -> pd.DataFrame:
-        """The runs that count."""
         return self.runs[self.runs["valid"].eq(True)]
 
     @cached_property
     def own_metrics(self) -> dict[str, Metric]:
-        """What the systems of these runs measure besides the usual, by key."""
+        """Returns the systems' own metrics by key."""
         return own_of(described(self.runs).dropna().unique())
 
     def metric(self, key: str) -> Metric:
-        """The metric of a column."""
         return metric(key, self.own_metrics)
 
     def numbers(self) -> list[str]:
-        """The columns that are metrics and no words."""
+        """Returns the columns that are numeric metrics."""
         own = [*SUMMARY_KEYS, *self.own_metrics]
         return [key for key in own if key in self.runs and self.metric(key).is_number]
 
     def cells(self) -> list[str]:
-        """Cells in the order of the experiment file, else of first appearance."""
+        """Returns the cells in the order of the experiment file, else of first appearance."""
         return list(dict.fromkeys(self.runs["cell"]))
 
     def run_dir(self, run_key: str) -> Path:
-        """Folder of one run."""
         return self.folder / "runs" / run_key
 
     def table(self, run_key: str, name: str) -> pd.DataFrame | None:
-        """`events`, `samples` or `link` of one run; None (and a problem) when it cannot be read."""
+        """Returns `events`, `samples` or `link` of one run; None if the file is missing or (with a
+        problem) unreadable."""
         path = self.run_dir(run_key) / f"{name}.parquet"
         if not path.exists():
             return None
@@ -117,7 +115,8 @@ class Results:
         return events_today(table) if name == "events" else table
 
     def events(self, run_key: str, kinds: tuple[str, ...]) -> EventLog | None:
-        """The stored events of these types; None (and a problem) when they cannot be read."""
+        """Returns the stored events of these types; None if the file is missing or (with a problem)
+        unreadable."""
         path = self.run_dir(run_key) / "events.parquet"
         if not path.exists():
             return None
@@ -127,15 +126,13 @@ class Results:
         return None if log.problems else log
 
     def trajectory(self, run_key: str, name: str = "trajectory.txt") -> Trajectory | None:
-        """The estimated path of one run."""
         return self._trajectory(self.run_dir(run_key) / name)
 
     def groundtruth(self, dataset: str) -> Trajectory | None:
-        """The true path of a dataset, kept beside the runs."""
+        """Returns the ground truth of a dataset, stored with the runs."""
         return self._trajectory(self.groundtruth_file(dataset))
 
     def groundtruth_file(self, dataset: str) -> Path:
-        """Where the true path of a dataset is kept."""
         return self.folder / "groundtruth" / f"{dataset.replace('/', '_')}.txt"
 
     def _trajectory(self, path: Path) -> Trajectory | None:
@@ -149,7 +146,7 @@ class Results:
         return found if len(found) else None
 
     def only(self, keep: list[bool]) -> "Results":
-        """The same with some of its runs."""
+        """Returns the results with only some of the runs."""
         runs = self.runs[pd.Series(keep, index=self.runs.index, dtype=bool)]
         counted: dict[str, Counter[str]] = {name: Counter() for name in self.facts}
         for key in runs["run_key"]:
@@ -158,7 +155,7 @@ class Results:
         return replace(self, runs=runs, facts=counted)
 
     def complain(self, line: str) -> None:
-        """Adds a problem once."""
+        """Adds a problem unless it is already there."""
         if line not in self.problems:
             self.problems.append(line)
 
@@ -166,7 +163,7 @@ class Results:
 def load(folder: Path) -> Results:
     """Reads every run of `results/<experiment>`.
 
-    Raises SlambedError when the folder is not there; an empty one gives no runs and a problem.
+    Raises SlambedError if the folder does not exist; an empty one gives no runs and a problem.
     """
     if not folder.is_dir():
         raise SlambedError(f"no results, {folder} is not a folder, run the experiment first")
@@ -213,7 +210,7 @@ def load(folder: Path) -> Results:
 
 
 def _refuse_mixtures(results: Results) -> None:
-    """Numbers of different metrics, or against different true paths, are not put side by side."""
+    """Invalidates runs whose metrics version or ground truth differs from the others'."""
     runs = results.runs
     truths = {str(d): results.groundtruth_file(str(d)) for d in runs["dataset"].dropna().unique()}
     refused = refused_runs(runs, truths)
@@ -272,7 +269,7 @@ def _read_runs(
         if wrong:
             note_problem("types", f"runs/{path.name}: not of its type, dropped: {', '.join(wrong)}")
         row["run_key"] = path.name
-        # Another experiment may have had it executed, under other names.
+        # The run may have been executed for another experiment under other names.
         called = wanted.get(path.name, {})
         row |= {key: called[key] for key in ("experiment", "cell") if called.get(key)}
         label = called.get("label") or spec.label or _label_of(row)
@@ -304,8 +301,8 @@ def _read_runs(
 
 
 def _plans_of(manifest: Manifest) -> dict[str, str | None]:
-    """`plan.<paper>`, `plan_frozen.<paper>` and `plan_commit.<paper>`: what was registered when the
-    run was executed."""
+    """Returns `plan.<paper>`, `plan_frozen.<paper>` and `plan_commit.<paper>`, as registered when
+    the run was executed."""
     found: dict[str, str | None] = {}
     for paper, digests in (manifest.plans or {}).items():
         found[f"plan.{paper}"] = digests.plan
@@ -316,7 +313,7 @@ def _plans_of(manifest: Manifest) -> dict[str, str | None]:
 
 
 def _limits_of(row: Row, manifest: Manifest) -> list[Row]:
-    """Asked and granted limits of each node, with its throttling."""
+    """Returns requested and granted limits of each node, with its throttling."""
     found: list[Row] = []
     for node, limits in (manifest.limits or {}).items():
         throttling = (manifest.throttling or {}).get(node)
@@ -349,14 +346,14 @@ def _fact(value: object) -> str:
 
 
 def _typed(summary: Summary, known: tuple[Metric, ...]) -> tuple[Row, list[str]]:
-    """The known keys; a value of another type is foreign and counts as not measured."""
+    """Returns the known keys; a value of the wrong type counts as not measured."""
     wrong = [item.key for item in known if not item.accepts(summary.get(item.key))]
     return {i.key: None if i.key in wrong else summary.get(i.key) for i in known}, wrong
 
 
 def _in_order(runs: pd.DataFrame, spec: dict[str, Any]) -> pd.DataFrame:
-    """Rows by dataset, profile, label as the experiment file lists them, then by repetition:
-    what is to be compared stands together."""
+    """Sorts runs by dataset, profile and label in the order of the experiment file, then by
+    repetition, so that compared runs are adjacent."""
     if not len(runs):
         return runs
     keys = pd.DataFrame(
@@ -373,8 +370,8 @@ def _in_order(runs: pd.DataFrame, spec: dict[str, Any]) -> pd.DataFrame:
 
 
 def _side_by_side(runs: pd.DataFrame) -> pd.DataFrame:
-    """Runs of several engines, or live ones of several paces, are several systems to a report: it
-    becomes part of the names. Live and virtual numbers are never pooled."""
+    """Makes runs of several engines, or live runs of several paces, separate systems by adding
+    these to their names. Live and virtual numbers are never pooled."""
     if runs["engine"].nunique() < 2 and runs["pace"].nunique() < 2:
         return runs
     paced = runs["pace"].eq(DEVICE_PACE).map({True: ", device's pace", False: ""})
@@ -388,7 +385,8 @@ def _profile_names(spec: dict[str, Any]) -> list[str]:
 
 
 def _names(items: object, *keys: str) -> list[str]:
-    """Names of a YAML list whose items are names or objects that have one under one of `keys`."""
+    """Returns the names of a YAML list whose items are names, or objects with a name under one of
+    `keys`."""
     found: list[str] = []
     for item in items if isinstance(items, list) else []:
         if isinstance(item, dict):
@@ -401,7 +399,7 @@ def _names(items: object, *keys: str) -> list[str]:
 
 
 def _rank(names: list[str]) -> Callable[[object], tuple[int, str]]:
-    """Position in the list; names that are not there come after it, by alphabet."""
+    """Returns a sort key: the position in the list, then other names by alphabet."""
     position = {name: index for index, name in enumerate(names)}
 
     def rank(value: object) -> tuple[int, str]:
@@ -412,7 +410,8 @@ def _rank(names: list[str]) -> Callable[[object], tuple[int, str]]:
 
 
 def _stand_ins(experiment: dict[str, Any]) -> str:
-    """What the title must not hide: that another sequence is played than the one asked for."""
+    """Returns a suffix of the title for sequences that were played instead of the requested
+    ones."""
     found = experiment.get("stand_ins")
     pairs = found.items() if isinstance(found, dict) else ()
     message = "; ".join(played_instead(str(played), str(wanted)) for played, wanted in pairs)

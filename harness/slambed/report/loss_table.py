@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""All losses of an experiment by cause: `slambed report --losses`."""
+"""`slambed report --losses`: tables of an experiment's track losses by cause."""
 
 from dataclasses import dataclass
 from statistics import median
@@ -11,7 +11,8 @@ from slambed.report.tables import Table
 
 MOST_TIMES = 12
 AFTER_RECOVERY_S = 2.0
-"""So long after it was found a camera that an update loses was found in vain (IJNC)."""
+"""A loss by a map update within this time after a relocalization makes that relocalization useless
+(IJNC)."""
 
 
 @dataclass(frozen=True)
@@ -25,7 +26,7 @@ class LostRun:
 
 
 def lost_runs(results: Results) -> list[LostRun]:
-    """Every valid run, also those that lost nothing, in the order of the summary."""
+    """Returns every valid run, also those without a loss, in the order of the summary."""
     runs = []
     for row in results.valid_runs.to_dict("records"):
         log = results.events(str(row["run_key"]), EVENTS)
@@ -41,24 +42,24 @@ def _behind_update(loss: TrackLoss) -> bool:
 
 
 def _takes_recovery_away(loss: TrackLoss) -> bool:
-    """The update came after the camera was found, and soon."""
+    """Returns whether an update after a relocalization caused the loss within AFTER_RECOVERY_S."""
     if loss.update_s is None or loss.found_s is None or not _behind_update(loss):
         return False
     return loss.update_s < loss.found_s <= AFTER_RECOVERY_S
 
 
 def _causes_of(losses: list[TrackLoss]) -> list[Cause]:
-    """A table has no column for a cause that is nowhere in it."""
+    """Returns the causes that occur; a table has no column for others."""
     return [cause for cause in Cause if any(loss.cause is cause for loss in losses)]
 
 
 def _counts(losses: list[TrackLoss], causes: list[Cause]) -> list[str]:
-    """How many followed from each; empty where none did."""
+    """Counts the losses by cause; empty for zero."""
     return [str(sum(loss.cause is cause for loss in losses) or "") for cause in causes]
 
 
 def by_cause(runs: list[LostRun]) -> Table:
-    """Per cell: runs that lost track, and what the first loss of each followed from."""
+    """Returns per cell the runs that lost track, and the causes of their first losses."""
     causes = _causes_of([run.losses[0] for run in runs if run.losses])
     table = Table(
         "losses",
@@ -84,7 +85,7 @@ def by_cause(runs: list[LostRun]) -> Table:
 
 
 def all_by_cause(runs: list[LostRun]) -> Table:
-    """Per cell: every loss of its runs, first ones and later ones."""
+    """Returns the causes of all losses per cell."""
     causes = _causes_of([loss for run in runs for loss in run.losses])
     table = Table(
         "all_losses",
@@ -116,7 +117,7 @@ def _times(times_s: list[float]) -> str:
 
 
 def every_loss(runs: list[LostRun]) -> Table:
-    """One row per loss, first ones and later ones."""
+    """Returns one row per loss."""
     table = Table(
         "every_loss",
         "Every loss with what preceded it.",

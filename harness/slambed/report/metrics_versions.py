@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Whether the numbers of a folder may stand beside each other: one version of the metrics, one true
-path."""
+"""Checks that the numbers of a folder are comparable: one version of the metrics, one ground
+truth."""
 
 import hashlib
 from pathlib import Path
@@ -13,15 +13,15 @@ REMEDY = "'slambed report {name} --again' computes them from the stored events"
 
 
 def described(runs: pd.DataFrame) -> "pd.Series[str]":
-    """What finds the description of each run's system; its name where nothing else is known."""
+    """Returns the key of each run's system description, or the system's name if unknown."""
     return runs["described"] if "described" in runs else runs["system"]
 
 
 def refused_runs(runs: pd.DataFrame, truths: dict[str, Path]) -> dict[str, str]:
-    """Run key -> why its numbers must not be mixed with the others'.
+    """Maps a run key to why its numbers must not be mixed with the others'.
 
-    Where all runs are of one version, an old one is no mixture. `truths`: dataset -> the true path
-    that is kept beside the runs; a run that knows no digest of its own is not asked.
+    If all runs have one old version, they are not mixed. `truths` maps a dataset to the ground
+    truth stored with the runs; runs without a digest are not checked.
     """
     if not len(runs):
         return {}
@@ -45,7 +45,7 @@ def refused_runs(runs: pd.DataFrame, truths: dict[str, Path]) -> dict[str, str]:
 
 
 def old_version(runs: pd.DataFrame) -> str | None:
-    """The version of all runs, where it is not today's."""
+    """Returns the version of all runs if it is not today's."""
     if not len(runs):
         return None
     versions = runs["metrics_version"].fillna("1").astype(str)
@@ -53,7 +53,8 @@ def old_version(runs: pd.DataFrame) -> str | None:
 
 
 def _one_version(versions: pd.Series, systems: pd.Series) -> bool:
-    """The same version of the list in all runs, and of a system's own metrics in all of its."""
+    """Returns whether all runs share the version of the list, and all runs of a system that of its
+    own metrics."""
     base = versions.str.partition("+")[0]
     return base.nunique() == 1 and bool((versions.groupby(systems).nunique() <= 1).all())
 

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""HTML pages from the templates beside this file: nothing loaded from anywhere, and whole without
-their script."""
+"""Renders HTML pages from the templates of a package. Pages load nothing and are complete without
+scripts."""
 
 import re
 from functools import cache
@@ -13,7 +13,7 @@ _TEMPLATES = files("slambed.report") / "templates"
 _SCRIPTS = files("slambed.report") / "scripts"
 
 STYLE = (_TEMPLATES / "style.css").read_text(encoding="utf-8")
-"""One look for all pages; it is put into each, so that a page is one file."""
+"""Style of all pages, inlined so that a page is one file."""
 
 
 NO_BREAK, JOINED = "\u00a0", "\u2060"
@@ -23,8 +23,8 @@ _NAME = re.compile(r"\S{13,}")
 
 
 def cell(text: str) -> Markup:
-    """A cell of a table that is broken, where the page is narrow, only before what is around a
-    value (an interval, a deviation) and behind the joints of a long name."""
+    """Returns a table cell that wraps only before the interval or deviation of a value and after
+    the separators of a long name."""
     if text[:1].isdigit():
         text = _AROUND.sub(lambda found: found[0].replace(" ", NO_BREAK), text)
         text = _UNIT.sub(NO_BREAK, text)
@@ -33,15 +33,15 @@ def cell(text: str) -> Markup:
 
 
 def _joints(name: str) -> str:
-    """Behind the larger joints if there are any: system:variant, cell/dataset/link."""
+    """Allows breaks after : and / if there are any (system:variant, cell/dataset/link), else after
+    _ and a dot."""
     return re.sub(
         r"(?<=[:/])(?=\w)" if re.search("[:/]", name) else r"(?<=[_.])(?=\w)", "<wbr>", name
     )
 
 
 def render(template: str, package: str = "slambed.report", **values: object) -> str:
-    """A page of a package's `templates/`; a name that the template asks for and nobody gives is an
-    error."""
+    """Renders a page from a package's `templates/`; a missing value is an error."""
     return _environment(package).get_template(template).render(style=Markup(STYLE), **values)
 
 
@@ -60,18 +60,17 @@ def _environment(package: str) -> jinja2.Environment:
 
 @cache
 def script_of(name: str) -> str:
-    """A script that pages may have."""
     return (_SCRIPTS / name).read_text(encoding="utf-8")
 
 
 def in_page(points: str) -> Markup:
-    """JSON of a figure's points, for the page's script. Nothing in it may end the element that it
-    stands in."""
+    """Returns the JSON of a figure's points for a page, escaped so that it cannot close its
+    element."""
     return Markup(points.strip().replace("<", "\\u003c"))
 
 
 @cache
 def page_script() -> str:
-    """The one script of a report: what figures do under a pointer. A server that shows reports
-    knows it by its digest."""
+    """Returns the only script of a report, which shows values under the pointer. The server allows
+    it by its digest."""
     return script_of("view_math.js") + script_of("figures.js")

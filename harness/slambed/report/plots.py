@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""All figures of an experiment; large campaigns get the figures that fit into the time allowed."""
+"""Draws all figures of an experiment; large campaigns get those that fit the time limit."""
 
 import time
 from collections.abc import Callable, Iterator
@@ -29,18 +29,18 @@ from slambed.report.load import Results
 from slambed.report.style import FORMATS, FigureWriter, SavedFigure
 
 TIME_FOR_FIGURES_S = 25.0
-"""A report of any size must be there within a minute; `slambed report --all` has no limit."""
+"""A report of any size must finish within a minute; `slambed report --all` has no limit."""
 CELLS_WITHOUT_LIMIT = 16
-"""So few cells always get all their figures, however busy the machine is."""
+"""Up to this many cells, the time limit does not apply."""
 
 
 CHANGES = "changes"
-"""Figure that is drawn only where an experiment asks for it."""
+"""Figure that is drawn only if an experiment asks for it."""
 
 
 @dataclass(frozen=True)
 class Drawn:
-    """The figures made, how many the time did not allow, and which had nothing to show."""
+    """The figures drawn, how many the time limit left out, and which had nothing to show."""
 
     figures: list[SavedFigure]
     left_out: int
@@ -55,8 +55,8 @@ def draw_all(
     limit_s: float | None = TIME_FOR_FIGURES_S,
     formats: tuple[str, ...] = FORMATS,
 ) -> Drawn:
-    """Draws into `folder` what is not there of the same data already; a figure that cannot be drawn
-    is a problem of the results, not fatal."""
+    """Draws into `folder` every figure that does not exist for the same data. A figure that fails
+    becomes a problem of the results."""
     writer = FigureWriter(folder, command, [], formats=formats)
     before = FigureCache(folder)
     begin = time.monotonic()
@@ -81,7 +81,7 @@ def draw_all(
 
 
 def plots_asked(results: Results) -> list[str]:
-    """What the experiment wants to see first: metrics and kinds of figures."""
+    """Returns the plots that the experiment asks for: metrics and kinds of figures."""
     report = results.spec.get("report")
     asked = report.get("plots") if isinstance(report, dict) else None
     return [name for name in asked if isinstance(name, str)] if isinstance(asked, list) else []
@@ -89,16 +89,16 @@ def plots_asked(results: Results) -> list[str]:
 
 @dataclass(frozen=True)
 class Job:
-    """A figure, or some that are drawn together."""
+    """A figure, or several that are drawn together."""
 
     kind: str
     draw: Callable[[], object]
     made_of: str
-    """One number for all that it shows."""
+    """Digest of all that it shows."""
 
 
 def jobs_of(results: Results, cells: list[Cell], writer: FigureWriter) -> list[Job]:
-    """Every figure, what the experiment asks for first."""
+    """Returns every figure, those that the experiment asks for first."""
     asked = plots_asked(results)
     found = _jobs(results, cells, asked, writer)
     return sorted(found, key=lambda job: asked.index(job.kind) if job.kind in asked else len(asked))
@@ -107,7 +107,8 @@ def jobs_of(results: Results, cells: list[Cell], writer: FigureWriter) -> list[J
 def _jobs(
     results: Results, cells: list[Cell], asked: list[str], writer: FigureWriter
 ) -> Iterator[Job]:
-    """Most reporting first: what comes last is what a large campaign goes without."""
+    """Yields the most informative figures first, because large campaigns go without the last
+    ones."""
     draw: Callable[[], object]
     for found in swept(results):
         looks = [item.look for item in metrics_over(results, found)]
@@ -147,8 +148,8 @@ def _jobs(
 
 
 def _changes(results: Results, writer: FigureWriter) -> Iterator[Job]:
-    """Of the first metric that the experiment asks for, only where it asks for this figure: most
-    experiments do not vary one thing at a time."""
+    """Yields the figure of changes of the experiment's first metric. It is drawn on request only,
+    because most experiments do not vary one thing at a time."""
     found = differences(results)
     keys = [d.metric.key for d in found]
     first = next((key for key in metrics_asked(results) if key in keys), None)
@@ -162,6 +163,6 @@ def _changes(results: Results, writer: FigureWriter) -> Iterator[Job]:
 
 
 def _columns(results: Results, *keys: str) -> pd.DataFrame:
-    """What figures over all cells show of the runs."""
+    """Returns the columns of the runs that figures over all cells show."""
     names = ("run_key", "cell", "label", "dataset", "profile", "valid", *keys)
     return results.runs[[name for name in names if name in results.runs]]

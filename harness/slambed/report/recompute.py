@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""`slambed report --again`: every number of an experiment from its stored events."""
+"""`slambed report --again`: recomputes every number of an experiment from its stored events."""
 
 import shutil
 from collections import Counter
@@ -18,26 +18,26 @@ from slambed.report.cells import text
 from slambed.report.load import Results, load
 
 TruthOf = Callable[[str, set[str]], Path | None]
-"""Dataset and checksums of the sequences that were played -> the true path of one of them as it is
-known today, None where that is not on this machine."""
+"""Maps dataset and checksums of the played sequences to today's ground truth of one of them; None
+if it is not on this machine."""
 MOST_KEYS = 8
 
 
 @dataclass
 class Recomputed:
-    """What came of computing the numbers once more."""
+    """The result of recomputing numbers."""
 
     runs: int = 0
     changed: Counter[str] = field(default_factory=Counter)
-    """Key -> runs in which its value became another."""
+    """Maps a key to the number of runs in which its value changed."""
     truths: list[str] = field(default_factory=list)
-    """Datasets whose true path is another than the one kept beside the runs."""
+    """Datasets whose ground truth differs from the one stored with the runs."""
     absent: list[str] = field(default_factory=list)
-    """Datasets that the experiment gave by path, and that are not there (any more)."""
+    """Datasets that the experiment gives by path, but that do not exist."""
     problems: list[str] = field(default_factory=list)
 
     def lines(self) -> list[str]:
-        """For people."""
+        """Returns the result as text lines."""
         lines = [f"the ground truth of {name} has changed" for name in self.truths]
         message = ", ".join(
             f"{key} ({count})" for key, count in self.changed.most_common(MOST_KEYS)
@@ -57,9 +57,8 @@ class Recomputed:
 def recompute(
     folder: Path, truth_of: TruthOf | None = None, only_refused: bool = False
 ) -> Recomputed:
-    """Makes every summary of a results folder anew (or those that the report would refuse), after
-    putting the true paths kept there right. A run whose files are gone keeps its numbers and is
-    reported."""
+    """Updates the stored ground truths, then recomputes every summary of a results folder (or those
+    that the report refuses). A run whose files are missing keeps its numbers and is reported."""
     done = Recomputed()
     results = load(folder)
     given = _given_by_path(results)
@@ -89,14 +88,14 @@ def recompute(
 
 
 def recompute_refused(folder: Path) -> Recomputed | None:
-    """Computes again what the report would otherwise leave out; None when that is nothing."""
+    """Recomputes the runs that the report would otherwise leave out; None if there are none."""
     refused: list[str] = load(folder).refused
     return recompute(folder, lambda *_: None, only_refused=True) if refused else None
 
 
 def prepared_truth(dataset: str, checksums: set[str], given: Sequence[str] = ()) -> Path | None:
-    """That of the prepared sequence with the frames that were played, where it is here: one of the
-    folders that the experiment gave by path, else the newest of the dataset with this id."""
+    """Returns the ground truth of the prepared sequence that was played, if it exists: among the
+    experiment's folders by path, else the newest of this dataset id."""
     for path in given:
         with suppress(SlambedError):
             file = Path(path).suffix in (".yaml", ".yml")
@@ -111,21 +110,21 @@ def prepared_truth(dataset: str, checksums: set[str], given: Sequence[str] = ())
 
 
 def _given_by_path(results: Results) -> list[str]:
-    """Datasets of the experiment that are no name of a catalog: files, or prepared folders."""
+    """Returns datasets of the experiment that are given by path: files, or prepared folders."""
     names = results.spec.get("datasets")
     given = [name for name in names if isinstance(name, str)] if isinstance(names, list) else []
     return [name for name in given if "/" in name or (Path(name) / SEQUENCE_FILE).is_file()]
 
 
 def _checksums(results: Results, dataset: str) -> set[str]:
-    """Of the sequences that the runs of a dataset played."""
+    """Returns the checksums of the sequences that a dataset's runs played."""
     keys = results.runs.loc[results.runs["dataset"] == dataset, "run_key"]
     manifests = (read_object(results.run_dir(str(key)) / "manifest.json") or {} for key in keys)
     return {str(m["sequence_checksum"]) for m in manifests if m.get("sequence_checksum")}
 
 
 def _keep(current: Path, kept: Path) -> bool:
-    """Whether the kept true path was another one; it is replaced by one rename."""
+    """Replaces the stored ground truth atomically, and returns whether it was a different one."""
     if not kept.is_file() or kept.read_bytes() == current.read_bytes():
         return False
     with replacing(kept, rivals=True) as copy:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The parts of a map update round in our own runs, as DynNetSLAM's Table 1 has them."""
+"""Parts of a map update round in our runs, as in DynNetSLAM's Table 1."""
 
 import numpy as np
 
@@ -9,11 +9,11 @@ from slambed.report.load import Results
 from slambed.report.tables import Table
 
 RUNS_READ = 20
-"""Event logs are large: this many runs per cell hold some hundred updates."""
+"""Runs read per cell: event logs are large, and these have some hundred updates."""
 
 
 def update_round_tables(results: Results) -> list[Table]:
-    """One table with a row per cell whose events report the parts; none where no cell does."""
+    """Returns one table with a row per cell whose events report the parts, or no table."""
     rows: list[list[str]] = []
     datasets = list(dict.fromkeys(map(text, results.valid_runs["dataset"])))
     one = len(datasets) == 1

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Settings in which compared systems differ: a report must not leave them to a README."""
+"""Settings in which compared systems differ, so that a report does not leave them to a README."""
 
 from slambed.report.load import Results
 from slambed.report.tables import Table
@@ -8,7 +8,7 @@ PREFIX = "params."
 
 
 def settings_table(results: Results) -> Table:
-    """A row per parameter that two systems have with different values; no rows where none does."""
+    """Returns a row per parameter whose value differs between two systems."""
     runs = results.runs
     labels = [str(label) for label in dict.fromkeys(runs["label"])]
     table = Table(

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What made the numbers of a report: engines and devices, in sentences."""
+"""Describes how a report's numbers were made: engines and devices, in sentences."""
 
 from collections.abc import Iterator
 
@@ -22,7 +22,8 @@ NO_LIMITS = (
 
 
 def setup_lines(results: Results, times: list[ComputeTime]) -> list[str]:
-    """Engines with how many runs each made, the devices of each node, and their compute times."""
+    """Returns engines with their numbers of runs, the devices of each node, and their compute
+    times."""
     if not len(results.runs):
         return []
     lines: list[str] = []
@@ -45,7 +46,7 @@ def setup_lines(results: Results, times: list[ComputeTime]) -> list[str]:
 
 
 def _pace(runs: pd.DataFrame) -> list[str]:
-    """That live runs took the compute times of their devices, and how well they kept to them."""
+    """Returns a sentence about live runs at their device's pace, and how well they kept it."""
     paced = runs[runs["pace"].eq(DEVICE_PACE)]
     if not len(paced):
         return []
@@ -60,7 +61,7 @@ def _pace(runs: pd.DataFrame) -> list[str]:
 
 
 def _changed(spec: object) -> Iterator[dict[str, object]]:
-    """Devices of the experiment that are those of a file with changes."""
+    """Yields devices of the experiment that change those of a file."""
     if isinstance(spec, dict):
         if isinstance(spec.get("device"), str) and isinstance(spec.get("name"), str):
             yield spec
@@ -72,7 +73,7 @@ def _changed(spec: object) -> Iterator[dict[str, object]]:
 
 
 def _change(change: dict[str, object]) -> str:
-    """`what if: host with 1 core, 0.04 times its speed`."""
+    """Returns text such as `what if: host with 1 core, 0.04 times its speed`."""
     parts = []
     if (cores := change.get("cores")) is not None:
         parts.append(f"{cores} core{'' if cores == 1 else 's'}")
@@ -84,5 +85,4 @@ def _change(change: dict[str, object]) -> str:
 
 
 def is_virtual(runs: pd.DataFrame) -> bool:
-    """None of these runs was made in real time."""
     return bool(len(runs)) and bool(runs["engine"].eq(VIRTUAL).all())

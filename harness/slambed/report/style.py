@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""How every figure looks, and how it is saved: three formats, its data, and what made it."""
+"""Style of all figures, and how they are saved: three formats, their data, and the command."""
 
 import json
 import textwrap
@@ -23,8 +23,9 @@ from matplotlib.text import Text
 from slambed.files.outputs import writing
 from slambed.report.figure_points import points_of
 
-# Okabe and Ito's palette (2008), distinguished by all common kinds of color vision. Yellow is left
-# out: it is too pale on white. Markers and dashes repeat the distinction for gray prints.
+# Okabe and Ito's palette (2008), which is safe for all common kinds of color vision. Yellow is left
+# out because it is too pale on white. Markers and dashes repeat the distinction for grayscale
+# prints.
 COLORS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000")
 MARKERS = ("o", "s", "^", "D", "v", "P", "X")
 DASHES = ("-", "--", "-.", ":", (0, (5, 1)), (0, (3, 1, 1, 1)), (0, (1, 1)))
@@ -33,20 +34,21 @@ FAULT_COLORS = {"kill": "#D55E00", "freeze": "#56B4E9", "cut": "#999999"}
 FAULT_SHADE = 0.18
 FORMATS = ("png", "svg", "pdf")
 POINTS = ".points.json"
-"""Beside a figure: what can be pointed at in it."""
+"""Suffix of the file with a figure's points."""
 ON_PAGES = ("png", "svg")
-"""What pages show; the fonts of a PDF take as long as all else of a figure."""
+"""Formats that pages need; a PDF takes as long as everything else, because of its fonts."""
 WIDTH_IN = 5.4
 NAME_PT, NOTE_PT = 11, 9
-"""Names of bars, and what stands beside marks: a page shows a figure 450 to 550 pixels wide."""
+"""Font sizes of names of bars and of notes; a page shows a figure 450 to 550 pixels wide."""
 LEGEND_ROW_IN, KEY_IN, LETTER_IN = 0.17, 0.53, 0.068
-"""Of a legend: the height of a row, and what an entry takes beside its text and per letter."""
+"""Legend: height of a row, width of an entry without its text, and width per character."""
 MOST_LEGEND_COLUMNS = 3
 SQUEEZED_SHARE = 0.6
-"""Where the smallest value is above this share of the largest, an axis from 0 shows only that."""
+"""If the smallest value is above this fraction of the largest, an axis from 0 would hide
+differences."""
 PNG_DPI = 150
 PICTURE_DPI = 110
-"""Of pictures as wide as a screen."""
+"""For figures as wide as a screen."""
 
 RC: Any = {
     "figure.constrained_layout.use": True,
@@ -66,7 +68,7 @@ RC: Any = {
     "lines.markersize": 4,
     "pdf.fonttype": 42,  # text stays text in PDF
     "svg.fonttype": "path",
-    "svg.hashsalt": "slambed",  # the same figure gives the same bytes
+    "svg.hashsalt": "slambed",  # makes the bytes reproducible
 }
 
 
@@ -86,8 +88,8 @@ class SavedFigure:
 def figure(
     rows: int = 1, columns: int = 1, height_in: float = 3.4, **options: Any
 ) -> Iterator[tuple[Figure, list[Axes]]]:
-    """A figure in our style; closed at the end whatever happens."""
-    # `lay_out` does it once; an engine of the figure's own draws it once more per format.
+    """Yields a figure in our style and closes it at the end."""
+    # `lay_out` runs once; the figure's own layout engine would run once per format.
     with plt.rc_context(RC | {"figure.constrained_layout.use": False}):
         made, axes = plt.subplots(
             rows, columns, figsize=(WIDTH_IN, height_in), squeeze=False, **options
@@ -99,7 +101,7 @@ def figure(
 
 
 def legend_beneath(made: Figure, axis: Axes, handles: list[Any] | None = None) -> None:
-    """A legend under the figure, where it hides no curve, as wide as it may be."""
+    """Puts a legend under the figure, where it hides no curve, in as many columns as fit."""
     found, names = axis.get_legend_handles_labels()
     if handles is not None:
         found, names = handles, [str(handle.get_label()) for handle in handles]
@@ -113,8 +115,8 @@ def legend_beneath(made: Figure, axis: Axes, handles: list[Any] | None = None) -
 
 
 def from_zero_if_it_shows(axis: Axes, values: Any) -> bool:
-    """Begins the x axis of costs at 0 unless all values are far from it and would be squeezed to
-    the edge; whether it begins there."""
+    """Starts the x axis of costs at 0, unless all values are far from 0 and close together. Returns
+    whether it starts at 0."""
     low, high = float(min(values)), float(max(values))
     if 0 <= low < SQUEEZED_SHARE * high or high == low == 0:
         axis.set_xlim(0, 1.05 * high if high > 0 else 1.0)
@@ -125,28 +127,26 @@ def from_zero_if_it_shows(axis: Axes, values: Any) -> bool:
 
 
 def color(index: int) -> str:
-    """Color of the n-th thing."""
     return COLORS[index % len(COLORS)]
 
 
 def fault_color(fault: str) -> str:
-    """Color of a kind of fault."""
     return FAULT_COLORS.get(fault, GROUND_TRUTH)
 
 
 def marker(index: int) -> str:
-    """Marker of the n-th thing; where colors begin anew the markers do not."""
+    """Returns the n-th marker; the cycle is shifted each time colors repeat."""
     return MARKERS[(index + index // len(COLORS)) % len(MARKERS)]
 
 
 def dash(index: int) -> Any:
-    """Line style of the n-th thing; where colors begin anew the styles do not."""
+    """Returns the n-th line style; the cycle is shifted each time colors repeat."""
     return DASHES[(index + index // len(COLORS)) % len(DASHES)]
 
 
 @dataclass
 class FigureWriter:
-    """Saves figures into one folder and keeps the list of them."""
+    """Saves figures into one folder and records them."""
 
     folder: Path
     command: str
@@ -156,20 +156,20 @@ class FigureWriter:
     formats: tuple[str, ...] = FORMATS
 
     def has(self, figure: SavedFigure) -> bool:
-        """Whether a figure of an earlier report is there, in all these formats."""
+        """Returns whether a figure of an earlier report exists in all these formats."""
         wanted = {f"{figure.name}.{kind}" for kind in self.formats}
         files = [*figure.files, figure.data]
         return wanted <= {*files} and all((self.folder / name).is_file() for name in files)
 
     def nothing(self, name: str, title: str, why: str) -> None:
-        """Says why there is no such figure; one of an earlier report goes."""
+        """Records why there is no such figure, and deletes one of an earlier report."""
         for suffix in (*(f".{kind}" for kind in FORMATS), POINTS, ".csv"):
             (self.folder / f"{name}{suffix}").unlink(missing_ok=True)
         self.empty.append(f"{title}: {why}")
 
     def save(self, made: Figure, name: str, title: str, caption: str, data: pd.DataFrame) -> None:
-        """Writes `<name>.png/.svg/.pdf`, `<name>.points.json` and `<name>.csv`; a format that is
-        not asked for goes."""
+        """Writes `<name>.png/.svg/.pdf`, `<name>.points.json` and `<name>.csv`; files of other
+        formats are deleted."""
         self.folder.mkdir(parents=True, exist_ok=True)
         files: list[str] = []
         lay_out(made)
@@ -187,14 +187,15 @@ class FigureWriter:
         self.saved.append(SavedFigure(name, title, caption, self.command, files, f"{name}.csv"))
 
     def _facts(self, kind: str, title: str) -> dict[str, Any]:
-        """Title and command inside the file; no date, so that the same figure is the same file."""
+        """Returns title and command for the file; without a date, so that the bytes are
+        reproducible."""
         if kind == "pdf":
             return {"Title": title, "Subject": self.command, "CreationDate": None}
         date = {"Date": None} if kind == "svg" else {}
         return {"Title": title, "Description": self.command, **date}
 
     def write_list(self) -> Path:
-        """`figures.json`: every figure with its caption, files, data and command."""
+        """Writes `figures.json`: every figure with its caption, files, data and command."""
         path = self.folder / "figures.json"
         self.folder.mkdir(parents=True, exist_ok=True)
         path.write_text(json.dumps([asdict(item) for item in self.saved], indent=1) + "\n")
@@ -202,7 +203,7 @@ class FigureWriter:
 
 
 def save_picture(drawn: Callable[[], Figure], path: Path) -> None:
-    """One figure at the place that somebody named; its format is the suffix (png, svg or pdf)."""
+    """Saves one figure at a given path; the suffix is the format (png, svg or pdf)."""
     with plt.rc_context(RC):
         made = drawn()
         try:
@@ -213,7 +214,7 @@ def save_picture(drawn: Callable[[], Figure], path: Path) -> None:
 
 
 def lay_out(made: Figure) -> None:
-    """Puts everything of a figure at its place, wide titles on several lines."""
+    """Lays out a figure, with wide titles on several lines."""
     layout = ConstrainedLayoutEngine()
     layout.execute(made)
     if _wrap_wide_texts(made):
@@ -225,7 +226,7 @@ def _titles_of(made: Figure) -> set[str]:
 
 
 def _wrap_wide_texts(made: Figure) -> bool:
-    """Breaks titles that are wider than the figure; whether there were any."""
+    """Wraps titles that are wider than the figure; returns whether there were any."""
     wide = False
     whole_px = made.get_figwidth() * made.dpi
     titles = made.findobj(Text)
@@ -241,6 +242,6 @@ def _wrap_wide_texts(made: Figure) -> bool:
 
 
 def file_name(*parts: str) -> str:
-    """A harmless file name from labels."""
+    """Returns a safe file name from labels."""
     joined = "_".join(part for part in parts if part)
     return "".join(c if c.isalnum() or c in "_-." else "-" for c in joined).strip("-")

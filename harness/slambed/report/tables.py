@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""One table, four spellings: terminal (rich), CSV, Markdown, LaTeX."""
+"""Tables that print as terminal (rich), CSV, Markdown or LaTeX."""
 
 import csv
 import io
@@ -34,22 +34,22 @@ class Table:
     headings: list[str]
     rows: list[list[str]] = field(default_factory=list)
     words: int = 1
-    """The first columns that are words; the others are numbers and aligned to the right."""
+    """Number of leading text columns; the others are numbers and right-aligned."""
 
     def csv(self) -> str:
-        """Comma separated, with a heading line."""
+        """Returns CSV with a heading line."""
         out = io.StringIO()
         csv.writer(out, lineterminator="\n").writerows([self.headings, *self.rows])
         return out.getvalue()
 
     def markdown(self) -> str:
-        """A GitHub table."""
+        """Returns a GitHub table."""
         lines = [self.headings, ["---"] * self.words + ["---:"] * (len(self.headings) - self.words)]
         lines += self.rows
         return "\n".join("| " + " | ".join(_bar(c) for c in line) + " |" for line in lines) + "\n"
 
     def latex(self) -> str:
-        """A `tabular` with booktabs rules, ready to be put into a paper."""
+        """Returns a `tabular` with booktabs rules, ready for a paper."""
         columns = "l" * self.words + "r" * (len(self.headings) - self.words)
         body = [" & ".join(map(_latex, row)) + r" \\" for row in self.rows]
         return "\n".join(
@@ -67,11 +67,10 @@ class Table:
         )
 
     def rich(self) -> RichTable:
-        """For the terminal."""
         table = RichTable(title=self.caption, title_justify="left", box=None, pad_edge=False)
         for index, heading in enumerate(self.headings):
             justify: Literal["left", "right"] = "left" if index < self.words else "right"
-            # Names of cells are long words: a part that is cut off may be what distinguishes two.
+            # Names of cells wrap, because a truncated part may distinguish two of them.
             table.add_column(Text(heading), justify=justify, overflow="fold")
         for row in self.rows:
             table.add_row(*map(Text, row))
@@ -79,13 +78,13 @@ class Table:
 
 
 def check_format(path: Path) -> None:
-    """Checked before anything is computed."""
+    """Raises SlambedError for an unknown format; called before anything is computed."""
     if path.suffix not in (".csv", ".md"):
         raise SlambedError(f"unknown table format {path}; known: .csv, .md")
 
 
 def write_table(table: Table, path: Path) -> None:
-    """To the place that --output named, in the format that its name asks for."""
+    """Writes a table to the path of --output in the format of its suffix."""
     with writing(path):
         path.write_text(table.markdown() if path.suffix == ".md" else table.csv())
 
@@ -99,7 +98,7 @@ def _latex(text: str) -> str:
 
 
 def with_interval(metric: Metric, value: Interval | None) -> str:
-    """Value and interval in the shown unit; the range of too few runs in words."""
+    """Returns value and interval in the shown unit, or the range of too few runs."""
     if value is None:
         return "-"
     if value.count == 1:
@@ -108,13 +107,13 @@ def with_interval(metric: Metric, value: Interval | None) -> str:
 
 
 def around(metric: Metric, value: Interval) -> str:
-    """`[low, high]` of an interval, `(least to largest)` of a range."""
+    """Returns `[low, high]` for an interval, `(least to largest)` for a range."""
     low, high = metric.show(value.low), metric.show(value.high)
     return f"({low} to {high})" if value.is_range else f"[{low}, {high}]"
 
 
 def cell_tables(cells: list[Cell], metrics: list[Metric], per_table: int = 5) -> list[Table]:
-    """The estimates of every cell, a few metrics per table so that it fits on a page."""
+    """Returns the estimates of every cell, a few metrics per table so that it fits a page."""
     tables: list[Table] = []
     datasets = list(dict.fromkeys(cell.dataset for cell in cells))
     one = len(datasets) == 1
@@ -151,7 +150,7 @@ def cell_tables(cells: list[Cell], metrics: list[Metric], per_table: int = 5) ->
 
 
 def link_table(results: Results) -> Table:
-    """Asked against measured round-trip time of every cell with a link."""
+    """Returns requested and measured round-trip time of every cell with a link."""
     rows: list[list[str]] = []
     runs = results.runs[results.runs["link_backend"].notna()]
     mixed = results.runs["host"].nunique(dropna=False) > 1
@@ -181,7 +180,7 @@ def link_table(results: Results) -> Table:
 
 
 def limits_table(results: Results) -> Table:
-    """What each node was to get, what the kernel granted, and how long it was held back."""
+    """Returns requested and granted limits of each node, and how long it was throttled."""
     rows: list[list[str]] = []
     keys = ["node", "device", "asked", "granted"]
     if len(results.limits):

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The time line of one run as a small inline SVG: state, RTT, CPU, map updates and faults."""
+"""Draws the timeline of one run as a small inline SVG: state, RTT, CPU, map updates and faults."""
 
 import html
 
@@ -22,7 +22,7 @@ BLUE, BLACK = "#0072B2", "#222222"
 
 
 def timeline_svg(results: Results, run_key: str) -> str | None:
-    """None when the run has no readable events."""
+    """Returns the SVG, or None if the run has no readable events."""
     events = results.table(run_key, "events")
     if events is None or events.empty:
         return None
@@ -48,7 +48,7 @@ def _x(t_s: float, end_s: float) -> float:
 
 
 def _faults(results: Results, run_key: str, end_s: float) -> str:
-    """A shade behind the curves while something was wrong on purpose."""
+    """Shades the time of injected faults behind the curves."""
     log = results.events(run_key, ("fault_began", "fault_ended"))
     out: list[str] = []
     for span in spans(log.events if log is not None else []):
@@ -64,7 +64,7 @@ def _faults(results: Results, run_key: str, end_s: float) -> str:
 
 
 def _states(frames: pd.DataFrame, end_s: float) -> str:
-    """A strip: one rectangle per stretch of equal state."""
+    """Draws the state as a strip, one rectangle per interval of equal state."""
     out = [_label("state", STATE_TOP + STATE_HEIGHT / 2)]
     if not len(frames):
         return out[0]
@@ -86,7 +86,7 @@ def _states(frames: pd.DataFrame, end_s: float) -> str:
 
 
 def _marks(events: pd.DataFrame, end_s: float) -> str:
-    """Ticks above the time axis: map updates applied."""
+    """Draws ticks under the state strip for applied map updates."""
     applied = events.loc[events["type"] == "update_applied", "t_ns"].to_numpy(np.float64) / 1e9
     return "".join(
         f'<line x1="{_x(t, end_s):.1f}" x2="{_x(t, end_s):.1f}" y1="{STATE_TOP + STATE_HEIGHT}" '
@@ -97,7 +97,7 @@ def _marks(events: pd.DataFrame, end_s: float) -> str:
 
 
 def _smoothed(samples: pd.DataFrame) -> pd.DataFrame:
-    """One value per second."""
+    """Returns one mean value per second."""
     own = samples.dropna(subset=["value"])
     means = own.groupby(own["t_s"] // 1)["value"].mean()
     return pd.DataFrame({"t_s": means.index + 0.5, "value": means.to_numpy()})

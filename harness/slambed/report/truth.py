@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Virtual runs beside live runs of the same cells: how far the model is from the truth."""
+"""Compares virtual with live runs of the same cells: the error of the model."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -21,15 +21,15 @@ from slambed.spec.experiment import DEVICE_PACE
 Values = NDArray[np.float64]
 
 CELL_KEYS = ["plain_label", "dataset", "profile"]
-"""What names the same cell in both; the backend of the link may differ."""
+"""Columns that identify a cell in both; the link's backend may differ."""
 TARGET_PERCENT = 15.0
-"""Medians this near count as the same (docs/virtual.md)."""
+"""Medians within this percentage count as the same (docs/explanation/virtual-time.md)."""
 USUAL_ALPHA = 0.05
 
 
 @dataclass(frozen=True)
 class Quantity:
-    """Something that a run has one value of."""
+    """A quantity with at most one value per run."""
 
     name: str
     unit: str
@@ -41,7 +41,7 @@ def _summary(key: str, factor: float = 1.0) -> Callable[[Results, pd.DataFrame],
 
 
 def _part(name: str) -> Callable[[Results, pd.DataFrame], Values]:
-    """Median of a part of T_Total in each run."""
+    """Returns a function for the median of a part of T_Total in each run."""
 
     def values(results: Results, rows: pd.DataFrame) -> Values:
         found = []
@@ -55,7 +55,8 @@ def _part(name: str) -> Callable[[Results, pd.DataFrame], Values]:
 
 
 OF_A_CORE, OF_THE_DEVICE = "% of a core", "% of the device"
-"""A core of the host is none of the device's where a live run keeps its pace."""
+"""Live runs at the device's pace are compared per device, because a core of the host differs from
+one of the device."""
 QUANTITIES = (
     Quantity("T_Total", "ms", _summary("update_delay_ms_median")),
     Quantity("T_MU (update delay)", "ms", _part("T_MU")),
@@ -69,7 +70,8 @@ QUANTITIES = (
 
 
 def truth_table(live: Results, virtual: Results) -> Table:
-    """A row per cell and quantity; both results (or the one) must hold runs of the same cells."""
+    """Returns a row per cell and quantity. Raises SlambedError unless live and virtual runs share a
+    cell."""
     for results, wanted in ((live, False), (virtual, True)):
         if not results.valid_runs["engine"].eq(VIRTUAL).eq(wanted).any():
             kind = "virtual" if wanted else "live"
@@ -99,7 +101,7 @@ def truth_table(live: Results, virtual: Results) -> Table:
 
 
 def _compute_times(live: Results, virtual: Results) -> str:
-    """How far apart the compute times of the two are: all errors stand on that."""
+    """Returns how far apart the compute times are, because all errors depend on these."""
     times = [time for time in compute_times(live) if not time.virtual]
     ran = {time.device: time.ran_ms for time in times}
     paced = {time.device for time in times if time.paced}

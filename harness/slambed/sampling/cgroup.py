@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Reads the control group of a process: use, throttling and limits; cgroup v1, v2 or both."""
+"""Reads the cgroup of a process: usage, throttling and limits; cgroup v1, v2 or both."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -16,11 +16,11 @@ V1_NO_LIMIT = 1 << 62
 
 @dataclass(frozen=True)
 class Usage:
-    """Counters at one moment. Cumulative, but for the memory."""
+    """Counters at one moment; all but the memory are cumulative."""
 
     cpu_s: float
     memory_bytes: int
-    """Anonymous memory: the page cache of the mapped sequence is not in it."""
+    """Anonymous memory only, without the page cache of the mapped sequence."""
     throttled_s: float
     throttled_periods: int
     periods: int
@@ -28,7 +28,7 @@ class Usage:
 
 @dataclass(frozen=True)
 class Granted:
-    """Limits as the kernel has them; None = no limit."""
+    """Limits as the kernel reports them; None = no limit."""
 
     cpus: str
     quota_cores: float | None
@@ -38,43 +38,43 @@ class Granted:
 
 @dataclass(frozen=True)
 class CgroupPaths:
-    """Folder of each controller for one group."""
+    """Folder of each controller for one cgroup."""
 
     folders: dict[str, Path]
-    """Controller -> folder, for the controllers that are mounted as cgroup v1."""
+    """Controller -> folder, for controllers mounted as cgroup v1."""
     unified: Path | None
-    """The v2 folder, where there is one."""
+    """Folder in the v2 hierarchy, if mounted."""
 
     def v1(self, controller: str) -> Path | None:
-        """Folder of a v1 controller."""
+        """Returns the folder of a v1 controller."""
         return self.folders.get(controller)
 
 
 @dataclass(frozen=True)
 class Mount:
-    """One mounted hierarchy."""
+    """One mounted cgroup hierarchy."""
 
     controllers: frozenset[str]
-    """Of those that we use."""
+    """Only controllers that we use."""
     point: Path
     root: str
-    """The group that is seen at `point`: not `/` inside a container."""
+    """The cgroup that is visible at `point`; inside a container it is not `/`."""
     is_unified: bool = False
     """cgroup v2."""
 
     def folder(self, group: str) -> Path:
-        """Where a group of /proc/<pid>/cgroup is found."""
+        """Returns the folder of a cgroup listed in /proc/<pid>/cgroup."""
         inside = group.removeprefix(self.root) if self.root != "/" else group
         return self.point / inside.lstrip("/")
 
 
 def mounts(mountinfo: Path = Path("/proc/self/mountinfo")) -> list[Mount]:
-    """The cgroup hierarchies of this process's view that count or limit what we ask for."""
+    """Returns the visible cgroup hierarchies with a controller that we use."""
     return [m for m in hierarchies(mountinfo) if m.is_unified or m.controllers]
 
 
 def hierarchies(mountinfo: Path = Path("/proc/self/mountinfo")) -> list[Mount]:
-    """All of them: a container's group is in every one."""
+    """Returns all cgroup hierarchies; a container has a cgroup in each one."""
     found: list[Mount] = []
     for line in mountinfo.read_text().splitlines():
         before, _, after = line.partition(" - ")
@@ -90,7 +90,7 @@ def hierarchies(mountinfo: Path = Path("/proc/self/mountinfo")) -> list[Mount]:
 
 
 def mounted(mountinfo: Path = Path("/proc/self/mountinfo")) -> tuple[dict[str, Path], Path | None]:
-    """Where the cgroup v1 controllers and the v2 tree are mounted."""
+    """Returns the mount points of the v1 controllers and of the v2 tree."""
     v1: dict[str, Path] = {}
     v2: Path | None = None
     for mount in mounts(mountinfo):
@@ -102,7 +102,7 @@ def mounted(mountinfo: Path = Path("/proc/self/mountinfo")) -> tuple[dict[str, P
 
 
 def version() -> str:
-    """`v1`, `v2`, or `none`: which hierarchy has the cpu controller."""
+    """Returns `v1`, `v2` or `none`: the hierarchy that has the cpu controller."""
     v1, v2 = mounted()
     if "cpu" in v1:
         return "v1"
@@ -112,7 +112,7 @@ def version() -> str:
 
 
 def paths_of(pid: int) -> CgroupPaths:
-    """The groups that a process is in."""
+    """Returns the cgroups of a process."""
     try:
         lines = Path(f"/proc/{pid}/cgroup").read_text().splitlines()
     except OSError:
@@ -131,18 +131,18 @@ def paths_of(pid: int) -> CgroupPaths:
 
 
 class GroupProcesses:
-    """The processes of a node's group, wherever its single threads were moved to."""
+    """Lists the processes of a node's cgroup, even if some threads were moved to others."""
 
     def __init__(self, paths: CgroupPaths) -> None:
-        # Threads have groups of their own below that of the cpu controller of v1; the other
-        # controllers keep the node together, and so does a threaded tree of v2.
+        # Threads have their own cgroups below the v1 cpu controller. The other v1 controllers and a
+        # threaded v2 tree keep all processes of the node in one cgroup.
         folders = (paths.v1("memory"), paths.v1("cpuset"), paths.unified, paths.v1("cpu"))
         self._file = next(f"{folder}/cgroup.procs" for folder in folders if folder is not None)
 
     def pids(self) -> list[int]:
-        """In order of their numbers; none when the group is gone."""
+        """Returns sorted process ids; empty when the cgroup is gone."""
         try:
-            # Opened anew: v1 shows an open file the members of a second ago.
+            # Opened each time: v1 returns a cached list, up to a second old, for an open file.
             content = Path(self._file).read_text()
         except OSError:
             return []
@@ -150,7 +150,7 @@ class GroupProcesses:
 
 
 class CgroupReader:
-    """Reads the counters and limits of one group."""
+    """Reads the counters and limits of one cgroup."""
 
     def __init__(self, paths: CgroupPaths) -> None:
         self.paths = paths
@@ -165,7 +165,7 @@ class CgroupReader:
         self._memory_file = f"{memory}/memory.stat" if has_memory else None
 
     def usage(self) -> Usage:
-        """Counters now; OSError when the group is gone."""
+        """Returns the current counters. Raises OSError when the cgroup is gone."""
         stat = self._table(self._stat_file)
         if self._usage_file is not None:
             cpu_s = int(self._files.read(self._usage_file)) / NS_PER_S
@@ -193,11 +193,11 @@ class CgroupReader:
         return _parsed(self._files.read(path))
 
     def close(self) -> None:
-        """Closes the files it keeps open."""
+        """Closes the files that it keeps open."""
         self._files.close()
 
     def oom_kills(self) -> int:
-        """Processes of the group that the kernel ended because of the memory limit."""
+        """Returns the number of processes in the cgroup killed for exceeding the memory limit."""
         if (folder := self.paths.v1("memory")) is not None:
             return _table(folder / "memory.oom_control").get("oom_kill", 0)
         if self.paths.unified is not None and (self.paths.unified / "memory.events").exists():
@@ -205,12 +205,12 @@ class CgroupReader:
         return 0
 
     def granted(self) -> Granted:
-        """The limits in force."""
+        """Returns the limits in force."""
         if (cpu := self.paths.v1("cpu")) is not None:
             period_us = int((cpu / "cpu.cfs_period_us").read_text())
             quota_us = int((cpu / "cpu.cfs_quota_us").read_text())
         else:
-            # The root group of v2 has no cpu.max, and no limit.
+            # The v2 root cgroup has no cpu.max file and no limit.
             words = _text(self.paths.unified, "cpu.max", "max 100000").split()
             quota_us = -1 if words[0] == "max" else int(words[0])
             period_us = int(words[1])

@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A helper container leaves its CPU group: there the kernel may refuse real-time priority."""
+"""Moves a helper container out of its cpu cgroup, where the kernel may refuse real-time
+priority."""
 
 import contextlib
 import os
@@ -8,10 +9,10 @@ from slambed.sampling.cgroup import mounted
 
 
 def leave_cpu_group() -> None:
-    """Into the root group of the v1 cpu controller, as a process of the host is.
+    """Moves this process to the root cgroup of the v1 cpu controller, like a process of the host.
 
-    With CONFIG_RT_GROUP_SCHED every other group has no real-time share. Without the permission
-    nothing changes, and the log of link and limits says that there is no real-time priority.
+    With CONFIG_RT_GROUP_SCHED all other cgroups have no real-time budget. Without permission
+    nothing changes, and the link and limits logs report that there is no real-time priority.
     """
     v1, _ = mounted()
     if (cpu := v1.get("cpu")) is not None:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Small kernel files that are read again and again: opened once, read from the start each time."""
+"""Small kernel files that are read repeatedly: opened once, read from the start each time."""
 
 import os
 
@@ -7,14 +7,14 @@ LARGEST_BYTES = 16384
 
 
 class KeptFiles:
-    """Open files by path. Opening a file costs more than the kernel needs to write it."""
+    """Open files by path. Opening such a file costs more than reading it."""
 
     def __init__(self) -> None:
-        # By text: to hash a Path costs as much as to read the file.
+        # Keyed by str: hashing a Path costs as much as reading the file.
         self._fds: dict[str, int] = {}
 
     def read(self, path: str) -> str:
-        """Its content now; OSError when it has gone."""
+        """Returns the current content. Raises OSError when the file has gone."""
         if (fd := self._fds.get(path)) is None:
             fd = self._fds[path] = os.open(path, os.O_RDONLY | os.O_CLOEXEC)
         try:
@@ -29,6 +29,5 @@ class KeptFiles:
             os.close(fd)
 
     def close(self) -> None:
-        """Closes all of them."""
         for path in list(self._fds):
             self.forget(path)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What is said of a run's nodes beside their samples: in the manifest, and by the sampler."""
+"""Records about the nodes of a run: samples, and the limits and sampler facts in the manifest."""
 
 from dataclasses import dataclass
 
@@ -8,7 +8,7 @@ from slambed.files.json_file import Record
 
 @dataclass(frozen=True)
 class Sample:
-    """A row of samples.jsonl and samples.parquet: one node at one moment."""
+    """A row of samples.jsonl and samples.parquet: one node at one time."""
 
     t_s: float
     """Run time: CLOCK_MONOTONIC minus t0."""
@@ -17,52 +17,52 @@ class Sample:
     cpu_s: float
     """Cumulative."""
     cpu_percent: float | None
-    """Of one core, since the last sample."""
+    """Percent of one core, since the previous sample."""
     memory_mb: float
-    """Resident; the page cache of the mapped sequence is not in it."""
+    """Resident memory, without the page cache of the mapped sequence."""
     throttled_s: float
-    """Cumulative; of the node's group and of the groups of its threads, so threads held back at
-    once count each."""
+    """Cumulative, over the cgroups of the node and of its threads; threads that are throttled at
+    the same time each count."""
     throttled_periods: int
-    """As `throttled_s`."""
+    """Number of throttled periods, counted like `throttled_s`."""
     run_delay_s: float | None
-    """Cumulative: able to run and not running, all threads; on most kernels throttling is in it."""
+    """Cumulative time in which threads were runnable but not running, over all threads; includes
+    throttling on most kernels."""
     cpu_pressure_s: float | None
-    """Cumulative PSI "some": of the node's group on cgroup v2, else of the host; null without
-    PSI."""
+    """Cumulative PSI "some" of the node's cgroup on v2, otherwise of the host; null without PSI."""
     host_steal_s: float | None
-    """Cumulative, over all processors of the host: time that its hypervisor gave to others."""
+    """Cumulative, over all CPUs of the host: time that its hypervisor gave to other guests."""
     tcp_rtt_ms: float | None
-    """Mobile node: tcpi_rtt of the connection that was acknowledged last; null while there is
-    none."""
+    """Mobile node: tcpi_rtt of the connection with the most recent ACK; null without a
+    connection."""
     tcp_retransmits: int | None
-    """Mobile node: TCP retransmissions of all connections; null while there is none."""
+    """Mobile node: TCP retransmissions of all connections; null without a connection."""
 
 
 class ThreadCap(Record):
-    """The cap of one thread of a node."""
+    """CPU cap of one thread of a node."""
 
     name: str
-    """As the thread calls itself."""
+    """Name that the thread gave itself."""
     cores: float | None
     """Read back from the kernel; null: no cap."""
     period_ms: float
-    """As `cores`."""
+    """Quota period, read back from the kernel."""
     throttled_s: float
     """Cumulative, at the end of the run."""
     throttled_periods: int
-    """As `throttled_s`."""
+    """Throttled periods at the end of the run."""
 
 
 class AskedLimits(Record):
-    """Limits of a node as they follow from its device (catalog/devices/*.yaml); null: none."""
+    """Limits of a node as derived from its device (catalog/devices/*.yaml); null: none."""
 
     cores: int | None = None
-    """CPUs of the host that it may run on."""
+    """Number of host CPUs that it may run on."""
     quota_cores: float | None = None
     """CPU seconds per second, over all threads."""
     thread_cores: float | None = None
-    """The same of each single thread."""
+    """CPU seconds per second of each single thread."""
     period_ms: float | None = None
     """Length of a quota period."""
     memory_mb: int | None = None
@@ -72,10 +72,10 @@ class AskedLimits(Record):
 
 
 class GrantedLimits(Record):
-    """Limits as the kernel has them; null: none."""
+    """Limits as the kernel reports them; null: none."""
 
     cpus: str | None = None
-    """As the kernel writes lists: `0-2,5`."""
+    """List in the kernel's format: `0-2,5`."""
     quota_cores: float | None = None
     """CPU seconds per second, over all threads."""
     period_ms: float | None = None
@@ -85,59 +85,59 @@ class GrantedLimits(Record):
 
 
 class MeasuredSpeed(Record):
-    """Of a core of the host, as `slambed calibrate --host` measured it."""
+    """Speed of a host core measured by `slambed calibrate --host`."""
 
     speed: float
     """1 is a core of the reference host."""
     spread: float | None = None
-    """Largest minus smallest of the measurements, relative; null when nothing was measured."""
+    """(Maximum - minimum) of the measurements, relative; null when nothing was measured."""
     measured_utc: str | None = None
     """ISO 8601; null when nothing was measured."""
 
 
 class NodeLimits(Record):
-    """What one node of a live run was to have, and had."""
+    """Configured and actual limits of one node of a live run."""
 
     asked: AskedLimits | None = None
-    """As they follow from its device; null: none."""
+    """Derived from its device; null: none."""
     granted: GrantedLimits | None = None
-    """As the kernel has them; null: none."""
+    """Reported by the kernel; null: none."""
     shortfall: str | None = None
-    """What of a board this host cannot give; null when it gives it all."""
+    """Part of a board that this host cannot provide; null when it provides everything."""
     host_speed: MeasuredSpeed | None = None
-    """With a board: what its limits were derived with."""
+    """With a board: the host speed used to derive the limits."""
     threads: list[ThreadCap] | None = None
-    """With caps: each thread's, in the order in which they began."""
+    """With thread caps: each thread, in the order of their start."""
 
 
 class Throttling(Record):
-    """How often the kernel held a node back, from its start to its end."""
+    """How much the kernel throttled a node, from its start to its end."""
 
     throttled_s: float
-    """Held back by its own quota and by the caps of its threads."""
+    """Time throttled by its own quota and by the caps of its threads."""
     throttled_periods: int
-    """As `throttled_s`."""
+    """Throttled periods, counted like `throttled_s`."""
     periods: int
-    """Of the node's quota that went by."""
+    """Elapsed periods of the node's quota."""
 
 
 class SidecarUse(Record):
-    """What sampler and metronome took themselves."""
+    """Resources that the sampler and the metronome used themselves."""
 
     samples: int
-    """How many were taken."""
+    """Number of samples taken."""
     sampler_cpu_percent: float | None = None
-    """Of one core; null where sampling never began."""
+    """Percent of one core; null if sampling never began."""
     cpus: list[int]
-    """Those that the sampler may use."""
+    """CPUs that the sampler may use."""
     metronome_cpu_percent: float
-    """Of one core; 0 without a metronome."""
+    """Percent of one core; 0 without a metronome."""
     metronome_real_time: bool | None
-    """Whether it got real-time priority; null without one."""
+    """Whether it got real-time priority; null without a metronome."""
     segmenter_cpu_s: float | None = None
-    """CPU time of the segmenter, which is in the edge's group; null without one, and where one did
-    not live to report it."""
+    """CPU time of the segmenter, which is in the edge's cgroup; null without a segmenter, and if
+    it died before it could report."""
     segmenter_restarts: int | None = None
-    """How often a segmenter that had died was started again; null without one."""
+    """Number of restarts after the segmenter had died; null without a segmenter."""
     kernel_tick_ms: float | None = None
-    """How often the kernel's scheduler looks by itself."""
+    """Tick period of the kernel's scheduler."""

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Samples the nodes of a run: control group, threads, TCP connections; on the run clock."""
+"""Samples cgroups, threads and TCP connections of the nodes of a run, in run time."""
 
 import contextlib
 import json
@@ -18,12 +18,12 @@ from slambed.sampling.tcp_info import TcpWatch
 NS_PER_S = 1_000_000_000
 
 Throttling = Callable[[], tuple[float, int]]
-"""Seconds and periods of throttling in groups below the node's own."""
+"""Returns seconds and periods of throttling in cgroups below the node's own."""
 
 
 @dataclass
 class NodeWatch:
-    """What is read of one node."""
+    """The sources that are read for one node."""
 
     name: str
     reader: CgroupReader
@@ -32,11 +32,12 @@ class NodeWatch:
     tcp: TcpWatch | None = None
     below: Throttling | None = None
     earlier: Usage | None = None
-    """What a group had counted that ended with its process."""
+    """Final counters of a cgroup that was removed with its process."""
     seen: Usage | None = None
 
     def follow(self, pid: int) -> None:
-        """Another process is the node now. Its group may be a new one: counters go on."""
+        """Switches to a new process of the node. If its cgroup is new, the old counters are
+        added."""
         self.reader.close()
         self.reader = CgroupReader(paths_of(pid))
         self.run_queue.follow(pid)
@@ -44,7 +45,8 @@ class NodeWatch:
             self.earlier = self.seen
 
     def usage(self) -> Usage:
-        """Counters now, those of groups below added; OSError when the group is gone."""
+        """Returns the current counters, including nested cgroups. Raises OSError when the cgroup
+        is gone."""
         usage = self.reader.usage()
         if self.earlier is not None:
             usage = replace(
@@ -66,14 +68,14 @@ class NodeWatch:
 
 
 def host_steal_s() -> float | None:
-    """CPU time, over all processors of this host since it began, that its hypervisor gave to
-    others; None where the kernel does not report."""
+    """Returns the CPU time since boot, over all CPUs of this host, that the hypervisor gave to
+    other guests; None where the kernel does not report it."""
     steal: float | None = getattr(psutil.cpu_times(), "steal", None)
     return steal
 
 
 class Sampler:
-    """Writes one line per node and sample (docs/formats.md, "Samples")."""
+    """Writes one line per node and sample (docs/reference/samples.md)."""
 
     def __init__(self, nodes: list[NodeWatch], out: TextIO) -> None:
         self._nodes = nodes
@@ -82,15 +84,15 @@ class Sampler:
         self.samples = 0
 
     def last(self) -> dict[str, Usage]:
-        """The newest counters of each node."""
+        """Returns the newest counters of each node."""
         return {node: usage for node, (_, usage) in self._last.items()}
 
     def sample(self, t0_ns: int) -> None:
-        """One sample of every node; run time = CLOCK_MONOTONIC - t0_ns."""
+        """Takes one sample of every node; run time = CLOCK_MONOTONIC - t0_ns."""
         self.samples += 1
         steal_s = host_steal_s()
         for node in self._nodes:
-            # A node that ended took its group with it.
+            # The cgroup is gone once its node has ended.
             with contextlib.suppress(OSError):
                 self._sample(node, t0_ns, steal_s)
 

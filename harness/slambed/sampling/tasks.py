@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What the kernel reports the threads of a process: names, and time spent waiting for a CPU."""
+"""Kernel facts about the threads of a process: names, and time spent waiting for a CPU."""
 
 import os
 from pathlib import Path
@@ -11,22 +11,22 @@ NS_PER_S = 1e9
 
 
 def thread_ids(pid: int) -> list[int]:
-    """Threads of a process, in order of their numbers; none when it has gone."""
+    """Returns the sorted thread ids of a process; empty when it has gone."""
     try:
-        # Ten times a second: Path.iterdir would take most of the sampler's time.
+        # Called 10 times per second: Path.iterdir would dominate the sampler's cost.
         return sorted(map(int, os.listdir(f"/proc/{pid}/task")))  # noqa: PTH208
     except OSError:
         return []
 
 
 def threads_of(pid: int, group: GroupProcesses | None) -> list[tuple[int, int]]:
-    """(process, thread) of a process, or of all processes of its group."""
+    """Returns (process, thread) pairs of a process, or of all processes of its cgroup."""
     pids = [pid] if group is None else group.pids()
     return [(each, tid) for each in pids for tid in thread_ids(each)]
 
 
 def thread_name(pid: int, tid: int) -> str | None:
-    """As the thread named itself (15 characters); None when it has gone."""
+    """Returns the name that the thread gave itself (up to 15 characters); None when it has gone."""
     try:
         return Path(f"/proc/{pid}/task/{tid}/comm").read_text(errors="replace").strip()
     except OSError:
@@ -34,25 +34,25 @@ def thread_name(pid: int, tid: int) -> str | None:
 
 
 class RunQueueDelay:
-    """Time the threads of a process were able to run and did not, since they began.
+    """Time in which the threads of a process were runnable but not running, since they began.
 
-    The second number of /proc/<pid>/task/<tid>/schedstat. A thread that has ended keeps what was
-    last seen of it.
+    This is the second number of /proc/<pid>/task/<tid>/schedstat. A thread that has ended keeps its
+    last value.
     """
 
     def __init__(self, pid: int, group: GroupProcesses | None = None) -> None:
-        """`group`: all processes of it count, not that one alone."""
+        """With `group`, all its processes are counted instead of only `pid`."""
         self._pid = pid
         self._group = group
         self._files = KeptFiles()
         self._delay_ns: dict[int, int] = {}
 
     def follow(self, pid: int) -> None:
-        """Counts the threads of another process besides from now on."""
+        """Also counts the threads of another process from now on."""
         self._pid = pid
 
     def seconds(self) -> float | None:
-        """Sum over all threads so far; None where the kernel does not count it."""
+        """Returns the sum over all threads so far; None if the kernel does not report it."""
         for pid, tid in threads_of(self._pid, self._group):
             path = f"/proc/{pid}/task/{tid}/schedstat"
             try:
@@ -62,21 +62,20 @@ class RunQueueDelay:
         return sum(self._delay_ns.values()) / NS_PER_S if self._delay_ns else None
 
     def close(self) -> None:
-        """Closes its files."""
         self._files.close()
 
 
 class Pressure:
-    """Pressure stall information of the CPU: time in which some thread waited for one."""
+    """Pressure stall information (PSI) of the CPU: time in which some thread waited for one."""
 
     def __init__(self, group: Path | None) -> None:
-        """Of a cgroup v2 where it has it, else of the whole host."""
+        """Uses the file of a v2 cgroup if it exists, otherwise that of the whole host."""
         own = group / "cpu.pressure" if group is not None else None
         self._path = str(own) if own is not None and own.exists() else "/proc/pressure/cpu"
         self._files = KeptFiles()
 
     def seconds(self) -> float | None:
-        """Cumulative; None where the kernel has no PSI."""
+        """Returns the cumulative time; None if the kernel has no PSI."""
         try:
             line = self._files.read(self._path).splitlines()[0]
             return int(line.rpartition("total=")[2]) / 1e6
@@ -84,5 +83,4 @@ class Pressure:
             return None
 
     def close(self) -> None:
-        """Closes its file."""
         self._files.close()

@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What the kernel knows about the TCP connections of a namespace (sock_diag, no help of a node)."""
+"""State of the TCP connections of a namespace, from the kernel's sock_diag without help of the
+node."""
 
 import socket
 import struct
@@ -18,11 +19,11 @@ TCP_ESTABLISHED = 1
 INET_DIAG_INFO = 2
 _HEADER = struct.Struct("=IHHII")
 _ATTRIBUTE = struct.Struct("=HH")
-# struct inet_diag_req_v2: family, protocol, extensions, padding, states, a socket id of 48 bytes.
+# struct inet_diag_req_v2: family, protocol, extensions, padding, states, socket id of 48 bytes.
 _REQUEST = struct.Struct("=BBBxI48x")
 DIAG_MESSAGE_BYTES = 72
 _PORTS = struct.Struct("!4xHH")
-"""Of struct inet_diag_msg: its own port and that of the other end."""
+"""struct inet_diag_msg: local port and peer's port."""
 # struct tcp_info, linux/tcp.h: 8 bytes, then words of 4 bytes.
 LAST_ACK_RECEIVED_OFFSET = 56
 RTT_OFFSET = 68
@@ -33,26 +34,26 @@ ANSWER_TIMEOUT_S = 0.5
 
 @dataclass(frozen=True)
 class TcpState:
-    """All established connections together."""
+    """State of all established connections together."""
 
     rtt_ms: float
-    """tcpi_rtt of the connection that was acknowledged last."""
+    """tcpi_rtt of the connection with the most recent ACK."""
     retransmits: int
     """Sum over the connections."""
 
 
 class TcpWatch:
-    """Asks the kernel about the connections of one network namespace."""
+    """Queries the kernel about the connections of one network namespace."""
 
     def __init__(self, namespace: Path | None, ports: Collection[int] | None = None) -> None:
-        """`namespace`: None for this process's own; `ports`: only connections to these of the other
-        end, where a namespace has others' besides."""
+        """`namespace` None is this process's own. `ports` restricts the result to connections
+        with these peer ports, for a namespace that also has unrelated connections."""
         self._socket = _open() if namespace is None else inside(namespace, _open)
         self._ports = ports
         self._sequence = 0
 
     def read(self) -> TcpState | None:
-        """None while no connection is established."""
+        """Returns None while no connection is established."""
         self._sequence += 1
         extensions = 1 << (INET_DIAG_INFO - 1)
         body = _REQUEST.pack(socket.AF_INET, socket.IPPROTO_TCP, extensions, 1 << TCP_ESTABLISHED)
@@ -69,7 +70,7 @@ class TcpWatch:
         return newest(found)
 
     def _take(self, answer: bytes, found: list[bytes]) -> bool:
-        """Collects tcp_info of each connection; True when that was all."""
+        """Collects tcp_info of each connection; returns True at the end of the dump."""
         place = 0
         while place + _HEADER.size <= len(answer):
             size, kind, _, sequence, _ = _HEADER.unpack_from(answer, place)
@@ -83,7 +84,6 @@ class TcpWatch:
         return False
 
     def close(self) -> None:
-        """Closes the socket."""
         self._socket.close()
 
 
@@ -107,7 +107,7 @@ def _infos(attributes: bytes) -> list[bytes]:
 
 
 def newest(infos: list[bytes]) -> TcpState | None:
-    """The connection that heard of its peer last: an idle one keeps the RTT of long ago."""
+    """Uses the connection with the most recent ACK: an idle one keeps an outdated RTT."""
     long_enough = [info for info in infos if len(info) >= TOTAL_RETRANS_OFFSET + 4]
     if not long_enough:
         return None

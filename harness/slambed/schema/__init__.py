@@ -1,3 +1,3 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What is said of our formats, from the models that read them: JSON schemas of every YAML file, by
-which editors complete, and tables of docs/."""
+"""Describes our formats from the models that read them: JSON schemas of every YAML file, for
+editors, and tables of docs/."""

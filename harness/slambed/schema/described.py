@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""From a pydantic model to a schema in which each key says what it means."""
+"""Makes a JSON schema from a pydantic model, with a description for each key."""
 
 from typing import Any
 
@@ -14,29 +14,33 @@ Schema = dict[str, Any]
 
 
 class Described(GenerateJsonSchema):
-    """Takes the docstring below a field as its description, and makes up no titles."""
+    """Uses the docstring below a field as its description, and adds no titles."""
 
     def model_schema(self, schema: core_schema.ModelSchema) -> Schema:
-        """Of one model, descriptions put in."""
+        """Returns the schema of one model with descriptions."""
         found = super().model_schema(schema)
         model: type = schema["cls"]
-        for name, text in docstrings(model).items():
+        bases = [
+            b for b in reversed(model.__mro__) if b is not BaseModel and issubclass(b, BaseModel)
+        ]
+        meanings = {name: text for base in bases for name, text in docstrings(base).items()}
+        for name, text in meanings.items():
             if (field := found.get("properties", {}).get(name)) is not None:
                 field.setdefault("description", text)
         return found
 
     def field_title_should_be_set(self, schema: Any) -> bool:
-        """A key is its own title."""
+        """Returns False, because a key is its own title."""
         return False
 
 
 def schema_of(model: type[BaseModel]) -> Schema:
-    """Of a file that is one `model`."""
+    """Returns the schema of a file that holds one `model`."""
     return model.model_json_schema(schema_generator=Described)
 
 
 def definitions_of(models: list[type[BaseModel]]) -> dict[str, Schema]:
-    """Class name -> schema, of these models and of all inside of them."""
+    """Maps the class name to the schema, for these models and all nested ones."""
     _, found = models_json_schema(
         [(model, "validation") for model in models], schema_generator=Described
     )

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A table of what a record holds, made from its fields: names, types, units, docstrings."""
+"""Makes a table of a record's fields: names, types, units, docstrings."""
 
 import ast
 import inspect
@@ -17,7 +17,7 @@ UNITS = {
     "s": "s", "ms": "ms", "us": "us", "ns": "ns", "mb": "MiB", "bytes": "B", "percent": "%",
     "cores": "cores", "m": "m", "deg": "deg", "px": "px",
 }  # fmt: skip
-"""Keys carry their units."""
+"""Maps a part of a key to its unit."""
 WORDS = {str: "str", int: "int", float: "float", bool: "bool", type(None): "null"}
 
 
@@ -28,10 +28,10 @@ def field_rows(
     prefix: str = "",
     described: dict[type, str] | None = None,
 ) -> Iterator[list[str]]:
-    """Key, type, unit and meaning of every field, those of records inside of it below it.
+    """Yields key, type, unit and meaning of every field, with those of nested records below it.
 
-    Records in `whole` are not unfolded, one that comes twice only the first time; fields in
-    `skipped` are not reported. Raises ValueError for a field without a meaning.
+    Records in `whole` are not expanded; a record that occurs twice is expanded once; fields in
+    `skipped` are left out. Raises ValueError for a field without a docstring.
     """
     meanings = docstrings(record)
     described = {} if described is None else described
@@ -63,7 +63,7 @@ def _fields(record: type) -> Iterator[tuple[str, Any]]:
 
 @cache
 def docstrings(record: type) -> dict[str, str]:
-    """Field -> the string below it."""
+    """Maps a field to the string below it."""
     (found,) = ast.parse(textwrap.dedent(inspect.getsource(record))).body
     assert isinstance(found, ast.ClassDef)
     described: dict[str, str] = {}
@@ -79,20 +79,20 @@ def docstrings(record: type) -> dict[str, str]:
 
 
 def in_a_row(sentence: str) -> str:
-    """A sentence as it stands in a cell of a table."""
+    """Returns a sentence in the form of a table cell."""
     text = " ".join(sentence.split()).removesuffix(".").replace("|", "\\|")
     return text if text[1:2].isupper() else text[:1].lower() + text[1:]
 
 
 def _bare(kind: Any) -> Any:
-    """Without what says how it is checked."""
+    """Returns the type without validators and constraints."""
     if isinstance(kind, FieldInfo):
         return _bare(kind.annotation)
     return _bare(get_args(kind)[0]) if get_origin(kind) is Annotated else kind
 
 
 def _members(kind: Any) -> list[Any]:
-    """Of a union; of anything else itself."""
+    """Returns the members of a union, or the type itself."""
     kind = _bare(kind)
     if get_origin(kind) in (Union, types.UnionType):
         return [member for part in get_args(kind) for member in _members(part)]
@@ -104,7 +104,7 @@ def _is_record(kind: Any) -> bool:
 
 
 def _inner(kind: Any) -> tuple[type | None, str]:
-    """The record in a field, and how one comes to it: by a key, by a number."""
+    """Returns the record in a field, and the path to it: `.*` for any key, `[]` for any index."""
     for member in _members(kind):
         origin, arguments = get_origin(member), get_args(member)
         if _is_record(member):
@@ -117,7 +117,7 @@ def _inner(kind: Any) -> tuple[type | None, str]:
 
 
 def _type(kind: Any) -> str:
-    """In words of JSON."""
+    """Returns the type in terms of JSON."""
     words: list[str] = []
     checks = kind.metadata if isinstance(kind, FieldInfo) else get_args(kind)
     nan_is_null = any(isinstance(check, PlainSerializer) for check in checks)
@@ -145,7 +145,7 @@ def _unit(name: str, kind: Any) -> str:
 
 
 def _numbers(kind: Any) -> Iterator[Any]:
-    """The plain types in a field."""
+    """Yields the plain types in a field."""
     for member in _members(kind):
         if get_args(member) and get_origin(member) is not Literal:
             for part in get_args(member):

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Which kinds of YAML files there are, where they lie, and the schema of each."""
+"""The kinds of YAML files, where they are, and the schema of each."""
 
 import json
 from collections.abc import Callable
@@ -26,13 +26,14 @@ PLAIN: Schema = {"type": ["string", "number", "boolean"]}
 
 
 def _experiment() -> Schema:
-    """With what is written out before the model sees it: a grid, and profiles in place."""
+    """Returns the schema with parts that are expanded before validation: a grid, and inline
+    profiles."""
     found = schema_of(Experiment)
     found["properties"][GRID] = _grid("values whose combinations every system is compared at", RTT)
     definitions = found["$defs"]
     own = "instead of the experiment's grid; `{n_orb}` of the label is the value of params.n_orb"
     definitions["SystemChoice"]["properties"][GRID] = _grid(own)
-    # link.rtt_ms of a grid stands for the profiles.
+    # A grid's link.rtt_ms replaces the profiles.
     link = definitions["LinkChoice"]
     link["properties"]["profiles"]["items"] = {"$ref": "#/$defs/ProfileChoice"}
     del link["required"]
@@ -56,7 +57,8 @@ def _grid(description: str, *further: str) -> Schema:
 
 
 def _system() -> Schema:
-    """With `params_from`, which leaves some of a parameter's fields to another file."""
+    """Returns the schema with `params_from`, which takes some of a parameter's fields from another
+    file."""
     found = schema_of(System)
     found["properties"]["params_from"] = {
         "type": "string",
@@ -87,7 +89,7 @@ class Kind:
 
     title: str
     places: tuple[str, ...]
-    """Patterns from the root of a checkout, as editors take them; `!`: but not these."""
+    """Patterns from the root of a checkout, as in editors; `!` excludes."""
     make: Callable[[], Schema]
 
 
@@ -129,7 +131,7 @@ KINDS: dict[str, Kind] = {
 
 
 def schema_text(kind: str) -> str:
-    """The schema as a file."""
+    """Returns the schema as the text of a file."""
     item = KINDS[kind]
     schema = item.make() | {"$schema": DIALECT, "title": item.title}
     return json.dumps(schema, indent=1, sort_keys=True) + "\n"

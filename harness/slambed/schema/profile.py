@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The schema of a link profile, which no single model reads: curves nest, and `$name` stands for a
-number anywhere."""
+"""Makes the schema of a link profile, which no single model reads: curves nest, and `$name` can
+replace any number."""
 
 from typing import Any
 
@@ -12,10 +12,19 @@ from slambed.schema.described import Schema, definitions_of
 PARAMETER: Schema = {"type": "string", "pattern": r"^\$[A-Za-z_]"}
 CURVE: Schema = {"$ref": "#/$defs/Curve"}
 TEXT: Schema = {"type": "string"}
+SIDE_MEANINGS = {
+    "jitter": "extra delay per packet, of both directions",
+    "loss": "packets dropped at random, of both directions",
+    "rate": "bottleneck of each direction",
+}
 
 
 def _ref(name: str) -> Schema:
     return {"$ref": f"#/$defs/{name}"}
+
+
+def _means(description: str, schema: Schema) -> Schema:
+    return {**schema, "description": description}
 
 
 def _or_null(schema: Schema) -> Schema:
@@ -23,7 +32,7 @@ def _or_null(schema: Schema) -> Schema:
 
 
 def with_parameters(schema: Any) -> Any:
-    """The same with `$name` wherever a number is asked for."""
+    """Returns the schema with `$name` allowed for every number."""
     if isinstance(schema, list):
         return [with_parameters(item) for item in schema]
     if not isinstance(schema, dict):
@@ -43,7 +52,8 @@ def _curve(definitions: dict[str, Schema]) -> Schema:
     for kind, model in curves.LISTS.items():
         kinds[kind] = definitions[model.__name__]["properties"]["points"]
     for kind, model in curves.WRAPPERS.items():
-        definitions[model.__name__]["properties"]["of"] = CURVE
+        changed = definitions[model.__name__]["properties"]
+        changed["of"] = _means(changed["of"]["description"], CURVE)
         kinds[kind] = _ref(model.__name__)
     mapping = {
         "type": "object", "properties": kinds, "additionalProperties": False,
@@ -53,7 +63,7 @@ def _curve(definitions: dict[str, Schema]) -> Schema:
 
 
 def profile_definitions() -> dict[str, Schema]:
-    """`Profile`, `ProfileChoice` (as experiments name one) and what they are made of."""
+    """Returns `Profile`, `ProfileChoice` (as in experiments) and their parts."""
     models = [*curves.PLAIN.values(), *curves.LISTS.values(), *curves.WRAPPERS.values()]
     definitions: dict[str, Schema] = with_parameters(
         definitions_of([*models, TraceFile, Jitter, PacketLoss, Bandwidth, Gap])
@@ -66,24 +76,42 @@ def profile_definitions() -> dict[str, Schema]:
         "type": "object", "properties": {"up": CURVE, "down": CURVE},
         "required": ["up", "down"], "additionalProperties": False,
     }  # fmt: skip
+    number_or_null = _or_null(with_parameters({"type": "number", "minimum": 0}))
+    share = with_parameters({"type": "number", "minimum": 0, "maximum": 1})
     definitions["Profile"] = {
         "type": "object",
         "additionalProperties": False,
         "properties": {
-            "name": TEXT,
-            "description": TEXT,
-            "source": {**TEXT, "description": "where its numbers come from"},
-            "params": {"type": "object", "additionalProperties": {"type": "number"}},
-            "duration_s": _or_null(with_parameters({"type": "number", "minimum": 0})),
-            "rtt_ms": CURVE,
-            "one_way_ms": ways,
-            "up_share": with_parameters({"type": "number", "minimum": 0, "maximum": 1}),
-            **sides,
-            "up": side,
-            "down": side,
-            "gaps": _or_null({"type": "array", "items": _ref("Gap")}),
-            "gap_mode": {"enum": ["hold", "drop"]},
-            "rate_sha256": {"type": "object", "additionalProperties": TEXT},
+            "name": _means("name of the profile, as of the file", TEXT),
+            "description": _means("one line for lists and reports", TEXT),
+            "source": _means("where its numbers come from", TEXT),
+            "params": _means(
+                "name -> number; `$name` stands for it wherever a number is asked for",
+                {"type": "object", "additionalProperties": {"type": "number"}},
+            ),
+            "duration_s": _means(
+                "run time after which nothing changes; not given: as the curves say",
+                number_or_null,
+            ),
+            "rtt_ms": _means("RTT over run time; or give `one_way_ms`", CURVE),
+            "one_way_ms": _means("delay of each direction over run time", ways),
+            "up_share": _means(
+                "share of `rtt_ms` on the way from mobile to edge; not given: 0.5", share
+            ),
+            **{kind: _means(SIDE_MEANINGS[kind], schema) for kind, schema in sides.items()},
+            "up": _means("mobile to edge: jitter, loss and rate of its own", side),
+            "down": _means("edge to mobile: jitter, loss and rate of its own", side),
+            "gaps": _means(
+                "outages of both directions", _or_null({"type": "array", "items": _ref("Gap")})
+            ),
+            "gap_mode": _means(
+                "`hold` delays what comes in a gap to its end, `drop` loses it; not given: `hold`",
+                {"enum": ["hold", "drop"]},
+            ),
+            "rate_sha256": _means(
+                "name of a Mahimahi file -> its digest; another content is an error",
+                {"type": "object", "additionalProperties": TEXT},
+            ),
         },
         "oneOf": [{"required": ["rtt_ms"]}, {"required": ["one_way_ms"]}],
         "dependentRequired": {"up_share": ["rtt_ms"]},
@@ -105,7 +133,7 @@ def profile_definitions() -> dict[str, Schema]:
 
 
 def profile_schema() -> Schema:
-    """Of a file in netem_profiles/."""
+    """Returns the schema of a file in netem_profiles/."""
     definitions = profile_definitions()
     del definitions["ProfileChoice"]
     return {**definitions.pop("Profile"), "$defs": definitions}

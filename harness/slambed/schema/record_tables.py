@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The tables of docs/ that follow from records: files about a run, lines between processes."""
+"""Makes the tables of docs/ from records: files of a run, and messages between processes."""
 
 from slambed.campaign.host_messages import AskPorts, FreePorts, JoinCampaign, Joined
 from slambed.engines.board.messages import (
@@ -58,7 +58,7 @@ RECORDS: dict[str, tuple[type, tuple[type, ...]]] = {
     "samples": (Sample, ()),
     "manifest": (Manifest, (RunSpec, KeptSpec)),
 }
-"""Table -> the record that it is made from, and what it does not unfold."""
+"""Maps a table to its record, and to nested records that it does not expand."""
 LINES = (
     (
         "harness and the sidecar of the nodes",
@@ -83,11 +83,10 @@ LINES = (
     ("`slambed-relay` to whoever started it", (RelayReady, RelayApplied, RelayStarted)),
     ("`slambed-pace tick` to whoever started it", (Ticking,)),
 )
-"""Who talks, and what is said, in its order."""
+"""The two ends, and their messages in order."""
 
 
 def record_table(name: str) -> tuple[list[str], Rows]:
-    """Headings and rows of one table."""
     if name == "lines":
         return ["who", "`request` or `reply`", "fields", "meaning"], _messages()
     record, whole = RECORDS[name]

@@ -1,7 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Who and what moves in a picture: networks, their masks, and masks kept per sequence."""
+"""Segmentation of people and other moving objects: networks, their masks, and a mask cache per
+sequence."""
 
 TRUTH = "truth"
-"""Name of the masks that the generator knows: an upper bound, never a network."""
+"""Name of the generator's ground-truth masks: an upper bound, not a network."""
 WITH_INPUT = "--with-input"
-"""Option of the segmenter: it ends with its standard input."""
+"""Option of the segmenter to exit at the end of its standard input."""

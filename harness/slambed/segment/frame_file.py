@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Files with one block of bytes per frame of a sequence (docs/formats.md)."""
+"""Files with one block of bytes per frame of a sequence (docs/reference/sequence.md)."""
 
 from __future__ import annotations
 
@@ -19,14 +19,15 @@ _ALIGNMENT_BYTES = 8
 
 
 class FrameFile:
-    """Such a file in memory."""
+    """A frame file in memory."""
 
     def __init__(self, path: Path, key: str, data: bytes, offsets: NDArray[np.uint64]) -> None:
         self.path, self.key, self._data, self._offsets = path, key, data, offsets
 
     @classmethod
     def open(cls, path: Path, magic: bytes, key: str | None = None) -> FrameFile:
-        """Reads a file of this kind; with `key` it must have been made for that."""
+        """Reads a file of this kind. Raises SlambedError if it is damaged or was made for another
+        key."""
         try:
             data = path.read_bytes()
         except OSError as refused:
@@ -52,12 +53,10 @@ class FrameFile:
         return len(self._offsets) - 1
 
     def block(self, i: int) -> bytes:
-        """The bytes of frame i."""
         return self._data[int(self._offsets[i]) : int(self._offsets[i + 1])]
 
 
 def encode_frames(magic: bytes, key: str, blocks: Sequence[bytes]) -> bytes:
-    """A whole file."""
     name = key.encode()
     head = _HEAD.pack(magic, _VERSION, len(blocks), len(name)) + name
     head = head.ljust(_aligned(len(head)), b"\0")
@@ -67,7 +66,6 @@ def encode_frames(magic: bytes, key: str, blocks: Sequence[bytes]) -> bytes:
 
 
 def damaged(path: Path, what: str) -> SlambedError:
-    """One line for a file that is not what it should be."""
     return SlambedError(f"file of frames damaged: {path}: {what}; delete it and make it again")
 
 

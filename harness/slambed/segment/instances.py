@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""One thing found in a picture, and its mask as run lengths."""
+"""Instances in an image, and their masks as run lengths."""
 
 from __future__ import annotations
 
@@ -8,16 +8,17 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-#: (height, width), True where the thing is.
+#: (height, width), True inside the instance.
 Mask = NDArray[np.bool_]
-#: (17, 3): u and v in pixels, visibility 0 (not there), 1 (hidden), 2 (seen); COCO's order.
+#: (17, 3): u and v in pixels, visibility 0 (absent), 1 (hidden), 2 (visible); COCO's order.
 Keypoints = NDArray[np.float32]
 KEYPOINTS = 17
 
 
 @dataclass(frozen=True)
 class Instance:
-    """One thing of a class that the network's file names; `moves`: so the file says."""
+    """One instance of a class of the network; `moves` if its catalog file lists the class as
+    moving."""
 
     class_index: int
     score: float
@@ -28,14 +29,14 @@ class Instance:
 
 @dataclass(frozen=True)
 class Segmented:
-    """Everything found in one picture, best score first."""
+    """All instances in one image, best score first."""
 
     width: int
     height: int
     instances: tuple[Instance, ...] = ()
 
     def moving(self) -> Mask:
-        """Where anything is that moves."""
+        """Returns the union of the masks of moving instances."""
         covered = np.zeros((self.height, self.width), dtype=np.bool_)
         for instance in self.instances:
             if instance.moves:
@@ -44,7 +45,7 @@ class Segmented:
 
 
 def runs_of(mask: Mask) -> NDArray[np.uint32]:
-    """Lengths out, in, out ... row by row; the first may be 0, no other is."""
+    """Returns run lengths outside, inside, outside, ... in row order; only the first may be 0."""
     flat = mask.ravel()
     changes = np.flatnonzero(flat[1:] != flat[:-1]) + 1
     edges = np.concatenate([[0] if flat[0] else [], [0], changes, [flat.size]])
@@ -52,6 +53,6 @@ def runs_of(mask: Mask) -> NDArray[np.uint32]:
 
 
 def mask_of(runs: NDArray[np.uint32], width: int, height: int) -> Mask:
-    """The mask of these runs; they must add up to the picture."""
+    """Returns the mask of these runs, which must add up to the image."""
     inside = np.arange(len(runs)) % 2 == 1
     return np.repeat(inside, runs).reshape(height, width)

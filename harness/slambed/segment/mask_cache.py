@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The mask cache (docs/formats.md): what a network found in every picture of a sequence. The
-generator's labels.bin has the same form."""
+"""The mask cache (docs/reference/sequence.md): a network's instances in every frame of a sequence.
+The generator's labels.bin has the same format."""
 
 from __future__ import annotations
 
@@ -23,14 +23,14 @@ _POINT = np.dtype([("u", "<f4"), ("v", "<f4"), ("visibility", "<u4")])
 
 
 class MaskCache:
-    """A mask cache in memory; frames are decoded when they are asked for."""
+    """A mask cache in memory; frames are decoded on access."""
 
     def __init__(self, file: FrameFile) -> None:
         self._file = file
 
     @classmethod
     def open(cls, path: Path, key: str | None = None) -> MaskCache:
-        """Reads a file whole; with `key` it must have been made for that."""
+        """Reads a whole file. Raises SlambedError if it was made for another key."""
         return cls(FrameFile.open(path, MASKS, key))
 
     def __len__(self) -> int:
@@ -38,11 +38,10 @@ class MaskCache:
 
     @property
     def key(self) -> str:
-        """What it was made for."""
+        """Returns the key that it was made for."""
         return self._file.key
 
     def frame(self, i: int) -> Segmented:
-        """What is in frame i."""
         try:
             return decode_frame(self._file.block(i))
         except (ValueError, struct.error) as wrong:
@@ -50,7 +49,7 @@ class MaskCache:
 
 
 def decode_frame(block: bytes) -> Segmented:
-    """One frame's block; ValueError says what is wrong with it."""
+    """Decodes one frame's block. Raises ValueError if it is damaged."""
     count, crc, width, height = _BLOCK.unpack_from(block)
     if zlib.crc32(block[8:]) != crc:
         raise ValueError("does not fit its CRC")
@@ -87,7 +86,7 @@ def decode_frame(block: bytes) -> Segmented:
 
 
 def encode_frame(picture: Segmented) -> bytes:
-    """The block of one frame, instances in descending score."""
+    """Encodes one frame, with at most MOST_INSTANCES in descending score."""
     best = sorted(picture.instances, key=lambda instance: -instance.score)[:MOST_INSTANCES]
     body = struct.pack("<II", picture.width, picture.height)
     for instance in best:

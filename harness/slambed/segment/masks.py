@@ -26,7 +26,7 @@ from slambed.segment.segmenter import SEGMENT_VERSION, Segmenter
 
 
 def mask_key(sequence: PreparedSequence, network: str, quality: int, n_m: float) -> str:
-    """What the masks hang on; its digest belongs to the key of a run that plays them."""
+    """Returns everything that the masks depend on; its digest is part of a run's key."""
     if network == TRUTH:
         labels = sequence.info.source.get("labels_sha256")
         if not labels:
@@ -43,13 +43,11 @@ def mask_key(sequence: PreparedSequence, network: str, quality: int, n_m: float)
 
 
 def mask_file(key: str) -> Path:
-    """Where masks with this key are kept."""
     digest = hashlib.sha256(key.encode()).hexdigest()
     return cache_folder() / "masks" / f"{digest[:20]}.masks"
 
 
 def is_made(key: str) -> bool:
-    """Whether the cache has masks with this key."""
     return mask_file(key).is_file()
 
 
@@ -60,7 +58,7 @@ def mask_cache(
     n_m: float,
     progress: Progress | None = None,
 ) -> Path:
-    """The file with the masks of a sequence; made now when the cache does not have it."""
+    """Returns the file with the masks of a sequence, and creates it if it is missing."""
     key = mask_key(sequence, network, quality, n_m)
     path = mask_file(key)
     with _locked(path):
@@ -89,7 +87,7 @@ def _truth(sequence: PreparedSequence, key: str) -> bytes:
 
 
 def encode_jpeg(gray: GrayImage, quality: int) -> bytes:
-    """A picture as it goes over the link."""
+    """Encodes an image as it is sent over the link."""
     done, jpeg = cv2.imencode(".jpg", np.asarray(gray), [cv2.IMWRITE_JPEG_QUALITY, quality])
     if not done:
         raise SlambedError(f"a picture of {gray.shape[1]}x{gray.shape[0]} cannot be coded as JPEG")
@@ -116,7 +114,7 @@ def _segmented(
 
 @contextmanager
 def _locked(path: Path) -> Iterator[None]:
-    """Two processes never make the same masks at once."""
+    """Locks a mask file, so that only one process creates it."""
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         file = path.with_suffix(".lock").open("w")

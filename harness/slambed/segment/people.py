@@ -1,8 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""From the maps of our network (tools/train_people.py) to persons.
+"""Turns the maps of our network (tools/train_people.py) into person instances.
 
-A middle is a peak of the first map. Of middles whose boxes overlap by more than n_m (intersection
-over union) only the best stays. Every pixel of the mask goes to the middle that it votes for."""
+A center is a peak of the first map. Of centers whose boxes overlap by more than n_m (intersection
+over union), only the best is kept. Every mask pixel belongs to the center that it votes for.
+"""
 
 from __future__ import annotations
 
@@ -17,20 +18,20 @@ from slambed.segment.instances import KEYPOINTS, Instance, Keypoints, Mask, Segm
 Maps = NDArray[np.float32]
 INPUT_WIDTH, INPUT_HEIGHT = 320, 256
 CELL_PX = 4
-"""Side of a cell of the maps, in pixels of the input."""
+"""Size of a map cell, in pixels of the input."""
 REACH_PX = 64.0
 """Unit of votes and boxes."""
 MASK_LEVEL, MIDDLE_LEVEL, KEYPOINT_LEVEL = 0.5, 0.3, 0.2
 MOST_MIDDLES = 20
 LEAST_SHARE = 0.0004
-"""Of the picture; what is smaller is no person."""
+"""Smallest fraction of the image that counts as a person."""
 FARTHEST_VOTE = 0.8
-"""Of the side of a square as large as the box; farther away a vote counts for nobody."""
+"""Farthest vote for a center, relative to the side of a square with the box's area."""
 
 
 @dataclass(frozen=True)
 class Middle:
-    """One candidate: cell, box in cells, score."""
+    """One candidate center: cell, box in cells, score."""
 
     u: float
     v: float
@@ -39,7 +40,6 @@ class Middle:
     score: float
 
     def overlap(self, other: Middle) -> float:
-        """Intersection over union of the boxes."""
         wide = (self.width + other.width) / 2 - abs(self.u - other.u)
         tall = (self.height + other.height) / 2 - abs(self.v - other.v)
         wide, tall = min(wide, self.width, other.width), min(tall, self.height, other.height)
@@ -50,7 +50,8 @@ class Middle:
 
 
 def persons(mask: Maps, maps: Maps, width: int, height: int, n_m: float) -> Segmented:
-    """Everybody in a picture of this size. mask: (2 rows, 2 columns); maps: (22, rows, columns)."""
+    """Returns all persons in an image of this size. mask: (2 rows, 2 columns); maps: (22, rows,
+    columns)."""
     shown = cv2.resize(mask, (width, height), interpolation=cv2.INTER_LINEAR)
     here = shown > MASK_LEVEL
     middles = suppress(find_centers(maps), n_m)
@@ -64,7 +65,7 @@ def persons(mask: Maps, maps: Maps, width: int, height: int, n_m: float) -> Segm
             found.append(Instance(0, float(middle.score), person, True, points))
     rest = here & (owner_at < 0)
     if rest.mean() >= LEAST_SHARE:
-        # Somebody whose middle was not found: culling needs the pixels all the same.
+        # Mask pixels without a center are kept too, because culling needs them.
         points = find_keypoints(maps, owners < 0, width, height)
         score = MIDDLE_LEVEL * float(shown[rest].mean())
         found.append(Instance(0, score, rest, True, points))
@@ -72,7 +73,7 @@ def persons(mask: Maps, maps: Maps, width: int, height: int, n_m: float) -> Segm
 
 
 def find_centers(maps: Maps) -> list[Middle]:
-    """Peaks of the first map, best first."""
+    """Returns the peaks of the first map, best first."""
     heat = maps[0]
     peak = (heat >= cv2.dilate(heat, np.ones((3, 3), np.uint8))) & (heat > MIDDLE_LEVEL)
     rows, columns = np.nonzero(peak)
@@ -91,7 +92,7 @@ def find_centers(maps: Maps) -> list[Middle]:
 
 
 def suppress(middles: list[Middle], n_m: float) -> list[Middle]:
-    """Non-maximum suppression, best first."""
+    """Applies non-maximum suppression; input and output are best first."""
     kept: list[Middle] = []
     for middle in middles:
         if all(middle.overlap(better) <= n_m for better in kept):
@@ -100,7 +101,7 @@ def suppress(middles: list[Middle], n_m: float) -> list[Middle]:
 
 
 def assign(maps: Maps, middles: list[Middle]) -> NDArray[np.int16]:
-    """The middle that every cell votes for; -1: none."""
+    """Returns the index of the center that every cell votes for; -1 for none."""
     rows, columns = maps.shape[1:]
     if not middles:
         return np.full((rows, columns), -1, np.int16)
@@ -119,8 +120,8 @@ def assign(maps: Maps, middles: list[Middle]) -> NDArray[np.int16]:
 
 
 def find_keypoints(maps: Maps, owned: Mask, width: int, height: int) -> Keypoints:
-    """The best place of every joint near a person's cells; hidden and absent ones are not reported
-    apart: visibility 0."""
+    """Returns the best position of every joint near a person's cells; hidden and absent joints both
+    have visibility 0."""
     near = cv2.dilate(owned.astype(np.uint8), np.ones((3, 3), np.uint8)) > 0
     points = np.zeros((KEYPOINTS, 3), np.float32)
     rows, columns = owned.shape

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""How well masks and key points fit the truth of a sequence."""
+"""Scores masks and keypoints against the ground truth of a sequence."""
 
 from __future__ import annotations
 
@@ -11,10 +11,10 @@ from numpy.typing import NDArray
 from slambed.segment.instances import Instance, Segmented
 
 LEAST_SHARE = 0.005
-"""Pictures with less of a person do not count for the overlap."""
-#: Edges of the sizes of figures that recall is given for, as shares of the picture.
+"""Images in which people cover less than this fraction do not count for the overlap."""
+#: Bin edges of a person's size for recall, as fractions of the image.
 SIZES = (0.0, 0.005, 0.02, 0.1, 1.0)
-#: Deviations of COCO's key points (cocodataset.org, key point evaluation), per sqrt(area).
+#: COCO's 2 * sigma of each keypoint (cocodataset.org, keypoint evaluation), per sqrt(area).
 _SIGMAS = 2 * np.array(
     [
         0.026,
@@ -40,20 +40,20 @@ _SIGMAS = 2 * np.array(
 
 @dataclass
 class Scores:
-    """Sums over pictures."""
+    """Scores accumulated over images."""
 
     overlaps: list[float] = field(default_factory=list)
     false_shares: list[float] = field(default_factory=list)
-    """Marked share of pictures with nobody in them."""
+    """Masked fraction of each image without people."""
     similarities: list[float] = field(default_factory=list)
     hit_px: int = 0
     true_px: int = 0
     marked_px: int = 0
     by_size: dict[float, list[float]] = field(default_factory=dict)
-    """Recall of every figure, by the lower edge of its size."""
+    """Recall of every person, by the lower edge of its size bin."""
 
     def add(self, found: Segmented, truth: Segmented) -> None:
-        """One picture."""
+        """Adds one image."""
         marked, true = found.moving(), truth.moving()
         hit = int((marked & true).sum())
         self.hit_px += hit
@@ -71,7 +71,7 @@ class Scores:
                 self.similarities += _similarity(found, person)
 
     def as_dict(self) -> dict[str, float | dict[str, float]]:
-        """Means and ratios; what was never there is left out."""
+        """Returns means and ratios; those without data are left out."""
         found: dict[str, float | dict[str, float]] = {}
         if self.overlaps:
             found["iou_mean"] = _mean(self.overlaps)
@@ -92,8 +92,8 @@ class Scores:
 def keypoint_similarity(
     found: NDArray[np.float32], truth: NDArray[np.float32], area_px: float
 ) -> float:
-    """COCO's object keypoint similarity over the joints that are to be seen; 0 for one not found.
-    NaN where none is to be seen."""
+    """Returns COCO's object keypoint similarity over the visible joints; a joint that was not found
+    scores 0. NaN if none is visible."""
     seen = truth[:, 2] == 2
     if not seen.any():
         return float("nan")
@@ -103,7 +103,8 @@ def keypoint_similarity(
 
 
 def _similarity(found: Segmented, person: Instance) -> list[float]:
-    """Of the find that overlaps a person most."""
+    """Returns the similarity of the instance that overlaps a person most; empty if no joint is
+    visible."""
     assert person.keypoints is not None
     best, similarity = 0.0, 0.0
     for candidate in found.instances:

@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A network at work: JPEG in, instances out. One thread, so that a mask is the same everywhere."""
+"""Runs a network: JPEG in, instances out. It uses one thread, so that masks are the same
+everywhere."""
 
 from __future__ import annotations
 
@@ -15,14 +16,14 @@ from slambed.segment.network import Network, network_file
 from slambed.segment.people import LEAST_SHARE, MASK_LEVEL, persons
 
 SEGMENT_VERSION = 1
-"""Raised when the same network and picture give other masks."""
+"""Incremented when the same network and image give different masks."""
 
 
 class Segmenter:
-    """One network, loaded."""
+    """A loaded network."""
 
     def __init__(self, network: Network, file: Path | None = None) -> None:
-        """file: instead of the one that the network's YAML names, unchecked."""
+        """Loads the network; `file` replaces the one in its YAML and is not checked."""
         cv2.setNumThreads(1)
         self.network = network
         path = file or network_file(network)
@@ -42,7 +43,8 @@ class Segmenter:
             )
 
     def segment(self, jpeg: bytes, n_m: float) -> Segmented:
-        """Everything in a gray JPEG. n_m: overlap from which two finds are one (0 to 1)."""
+        """Returns the instances in a gray JPEG. n_m: overlap (0 to 1) above which two instances are
+        one."""
         if not 0 <= n_m <= 1:
             raise SlambedError(f"n_m is {n_m}, not within 0 to 1")
         gray = cv2.imdecode(np.frombuffer(jpeg, np.uint8), cv2.IMREAD_GRAYSCALE) if jpeg else None
@@ -51,7 +53,7 @@ class Segmenter:
         return self.segment_gray(np.asarray(gray, dtype=np.uint8), n_m)
 
     def segment_gray(self, gray: NDArray[np.uint8], n_m: float) -> Segmented:
-        """The same of a decoded picture."""
+        """Returns the instances in a decoded image."""
         height, width = gray.shape
         size = (self.network.input.width, self.network.input.height)
         small = cv2.resize(gray, size, interpolation=cv2.INTER_AREA).astype(np.float32) / 255
@@ -71,7 +73,7 @@ class Segmenter:
 
 
 def _selfie(output: NDArray[np.float32], width: int, height: int) -> Segmented:
-    """One mask for everybody, and no key points; n_m has nothing to do."""
+    """Returns one mask for all people without keypoints; n_m does not apply."""
     plane = np.squeeze(output)
     if plane.ndim != 2 or not np.isfinite(plane).all():
         raise SlambedError(f"the network gave {output.shape}, not one plane of numbers")

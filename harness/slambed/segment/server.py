@@ -1,15 +1,15 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The segmenter of live runs: a process beside the edge node that answers on a Unix socket.
+"""The segmenter of live runs: a process next to the edge node that answers on a Unix socket.
 
     python -m slambed.segment.server SOCKET NETWORK [--with-input]
 
-A question is u32 bytes that follow, f32 n_m, JPEG; an answer u32 bytes that follow and a frame of a
-mask cache. A picture that cannot be segmented is answered with 0 bytes, and reported on stderr. One
-question at a time: a network fills a core.
+A request is u32 length, f32 n_m, JPEG; a reply is u32 length and a frame of a mask cache. The
+length counts the bytes after it. An image that cannot be segmented gets a reply of 0 bytes and a
+warning on stderr. Requests are answered one at a time, because a network uses a whole core.
 
-It ends with SIGTERM and, when asked to, with its standard input; it then reports the CPU seconds
-that
-it took."""
+On SIGTERM it prints its CPU seconds and exits. With --with-input it also exits at the end of its
+standard input.
+"""
 
 from __future__ import annotations
 
@@ -31,11 +31,11 @@ from slambed.segment.segmenter import Segmenter
 _SIZE = struct.Struct("<I")
 _N_M = struct.Struct("<f")
 MOST_BYTES = 16 << 20
-"""Of a question; a picture of that size is none that a camera sent."""
+"""Largest request; no camera sends a larger image."""
 
 
 def serve(place: Path, segmenter: Segmenter) -> None:
-    """Answers one caller after the other until it is ended from outside."""
+    """Answers one caller after another until the process is terminated."""
     place.unlink(missing_ok=True)
     with socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as door:
         try:
@@ -57,8 +57,8 @@ def serve(place: Path, segmenter: Segmenter) -> None:
 
 
 def _bind(door: socket.socket, place: Path) -> None:
-    """Through the folder's descriptor: a socket's address has room for 107 characters, and run
-    folders lie deep."""
+    """Binds through the folder's descriptor, because a socket address is limited to 107 characters
+    and run folders are nested deeply."""
     folder = os.open(place.parent, os.O_PATH | os.O_DIRECTORY)
     try:
         door.bind(f"/proc/self/fd/{folder}/{place.name}")
@@ -67,7 +67,7 @@ def _bind(door: socket.socket, place: Path) -> None:
 
 
 def _read(caller: socket.socket) -> bytes | None:
-    """The next question, None at the end or for one that no camera would ask."""
+    """Returns the next request; None at the end, or for an invalid length."""
     head = _exactly(caller, _SIZE.size)
     if head is None:
         return None
@@ -98,7 +98,7 @@ def _exactly(caller: socket.socket, size: int) -> bytes | None:
 
 
 def _end(*_: object) -> None:
-    """Of a signal: wherever it is, there is nothing to finish."""
+    """Handles SIGTERM: it exits at once, because there is nothing to finish."""
     used = resource.getrusage(resource.RUSAGE_SELF)
     sys.stdout.write(f"cpu_s {used.ru_utime + used.ru_stime:.3f}\n")
     sys.stdout.flush()
@@ -106,14 +106,15 @@ def _end(*_: object) -> None:
 
 
 def _end_with_input() -> None:
-    """Whoever started it holds the other end, and may have been killed."""
+    """Exits at the end of standard input: the parent holds the other end, and may have been
+    killed."""
     while os.read(0, 4096):
         pass
     os._exit(ExitCode.OK)
 
 
 def main() -> int:
-    """Entry point: every failure is one line."""
+    """Runs the segmenter; every failure is one line on stderr."""
     *wanted, last = sys.argv[1:] or [""]
     if last != WITH_INPUT:
         wanted.append(last)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A picture of masks: some frames of a sequence with what was found in them."""
+"""Draws a contact sheet: some frames of a sequence with their masks."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ _COLORS = ((60, 60, 230), (60, 200, 60), (230, 120, 40), (40, 200, 230), (220, 6
 
 
 def write_mask_sheet(sequence: PreparedSequence, masks: MaskCache, file: Path, frames: int) -> None:
-    """Writes a PNG with evenly spaced frames, four a row."""
+    """Writes a PNG with evenly spaced frames, four per row."""
     write_sheet(sequence, lambda i: _tile(sequence, masks.frame(i), i), file, frames, _COLUMNS)
 
 

@@ -1,2 +1,2 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Results as pages in the browser: for this machine alone, and only to be looked at."""
+"""Shows results as read-only pages in the browser, on this machine only."""

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What is answered to a request."""
+"""Answers to requests."""
 
 import json
 from dataclasses import dataclass, field
@@ -11,12 +11,12 @@ from slambed.serve.guard import PAGE_POLICY
 
 TEMPLATES = "slambed.serve"
 FRESH = "no-cache"
-"""Kept by the browser, and asked for again each time: mostly nothing has changed."""
+"""The browser caches the answer but revalidates it each time; mostly nothing has changed."""
 
 
 @dataclass(frozen=True)
 class Answer:
-    """Status, headers and content."""
+    """Status, headers and body."""
 
     status: HTTPStatus
     body: bytes
@@ -24,28 +24,25 @@ class Answer:
 
 
 def content(body: bytes, kind: str, policy: str = PAGE_POLICY, cache: str = FRESH) -> Answer:
-    """Something to be shown."""
     headers = {"Content-Type": kind, "Content-Security-Policy": policy, "Cache-Control": cache}
     return Answer(HTTPStatus.OK, body, headers)
 
 
 def page(template: str, status: HTTPStatus = HTTPStatus.OK, **values: object) -> Answer:
-    """One of our pages."""
     text = render(template, package=TEMPLATES, **values)
     made = content(text.encode(), "text/html; charset=utf-8")
     return Answer(status, made.body, made.headers)
 
 
 def as_json(value: Any) -> Answer:
-    """What a script of ours asked for; numbers that are none become null."""
+    """Returns an answer with JSON for our scripts. Raises ValueError for NaN."""
     return content(json.dumps(value, allow_nan=False).encode(), "application/json")
 
 
 def moved(to: str) -> Answer:
-    """A page is called with its last slash, because of the links in it."""
+    """Redirects to the address with a final slash, which relative links need."""
     return Answer(HTTPStatus.MOVED_PERMANENTLY, b"", {"Location": to})
 
 
 def error_page(status: HTTPStatus, line: str) -> Answer:
-    """A page that says in a line what is wrong."""
     return page("serve_error.html.j2", status, title=status.phrase, line=line)

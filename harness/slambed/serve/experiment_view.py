@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What the page of an experiment shows: cells, tables, figures and runs, as far as filters let."""
+"""Content of an experiment's page: cells, tables, figures and runs that pass the filters."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -20,14 +20,14 @@ from slambed.spec.run_spec import run_name
 
 MOST_RUNS = 300
 FILTERS = {"system": "label", "dataset": "dataset", "link": "profile"}
-"""What a page calls a filter -> column of the runs."""
+"""Maps a filter of the page to the column of the runs."""
 NO_LINK = "no link"
 VALIDITY = {"yes": True, "no": False}
 
 
 @dataclass(frozen=True)
 class RunFilter:
-    """What the filters of a page's address ask for; nothing asked for is all."""
+    """The filters in a page's address; without any, all runs pass."""
 
     values: Mapping[str, str] = field(default_factory=dict)
     valid: bool | None = None
@@ -36,13 +36,13 @@ class RunFilter:
     def of_query(
         cls, query: Mapping[str, list[str]], options: Mapping[str, list[str]]
     ) -> "RunFilter":
-        """The last value of each filter, as far as it is one that the filter has."""
+        """Parses a query: the last value of each filter counts, and unknown values are ignored."""
         given = {name: found[-1] for name, found in query.items() if found}
         values = {name: given[name] for name in FILTERS if given.get(name) in options[name]}
         return cls(values, VALIDITY.get(given.get("valid", "")))
 
     def of_runs(self, runs: pd.DataFrame) -> pd.DataFrame:
-        """The rows of the runs that are asked for."""
+        """Returns the runs that pass the filters."""
         keep = pd.Series(True, index=runs.index)
         for name, wanted in self.values.items():
             keep &= runs[FILTERS[name]].map(lambda v: text(v) or NO_LINK) == wanted
@@ -53,7 +53,7 @@ class RunFilter:
 
 @dataclass(frozen=True)
 class LoadedExperiment:
-    """An experiment's runs with the estimates of its cells: what takes time for large ones."""
+    """An experiment's runs with the estimates of its cells, which takes time for large ones."""
 
     results: Results
     metrics: list[Metric]
@@ -61,7 +61,7 @@ class LoadedExperiment:
 
     @classmethod
     def of(cls, folder: Path) -> "LoadedExperiment":
-        """As it is now. What is broken in it is a line in its problems."""
+        """Loads an experiment; damaged files become lines in its problems."""
         results = load(folder)
         for time in compute_times(results):
             if (warning := time.warning(results.name)) is not None:
@@ -70,7 +70,7 @@ class LoadedExperiment:
         return cls(results, metrics, cells_of(results, metrics))
 
     def options(self) -> dict[str, list[str]]:
-        """The values that each filter may have, in the order of the cells."""
+        """Returns the values of each filter, in the order of the cells."""
         runs = self.results.runs
         return {
             name: list(dict.fromkeys(runs[column].map(lambda v: text(v) or NO_LINK)))
@@ -78,13 +78,13 @@ class LoadedExperiment:
         }
 
     def tables(self, chosen: RunFilter) -> list[Table]:
-        """The estimates of the cells that have a run asked for. Numbers are always of all of a
-        cell's valid runs: a filter hides cells, and changes none."""
+        """Returns the estimates of the cells with a run that passes the filters. Numbers always
+        cover all valid runs of a cell: a filter hides cells, but changes no number."""
         names = set(chosen.of_runs(self.results.runs)["cell"])
         return cell_tables([cell for cell in self.cells if cell.name in names], self.metrics)
 
     def runs(self, chosen: RunFilter) -> tuple[list[dict[str, Any]], int]:
-        """The runs asked for, and how many more there are than a page shows."""
+        """Returns the runs that pass the filters, and how many more there are than a page shows."""
         found = chosen.of_runs(self.results.runs)
         rows = found.head(MOST_RUNS).to_dict("records")
         return [_run({str(k): v for k, v in row.items()}) for row in rows], max(
@@ -93,8 +93,8 @@ class LoadedExperiment:
 
 
 def figures_of(folder: Path) -> list[dict[str, str]]:
-    """The figures of an experiment's last report that are there; files are names inside `report/`.
-    What somebody else wrote into the list is left out."""
+    """Returns the existing figures of an experiment's last report; files are names inside
+    `report/`. Entries with unsafe names are left out."""
     found: list[dict[str, str]] = []
     for item in read_list(folder / "report" / "figures.json"):
         name = item.get("name") if isinstance(item, dict) else None

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Which experiments a results folder has, and how far each is."""
+"""Lists the experiments of a results folder and their progress."""
 
 import time
 from dataclasses import dataclass
@@ -25,11 +25,11 @@ class ExperimentEntry:
     changed_s: float
     """Unix time of the last change."""
     campaign: CampaignState | None
-    """Its last one, as it was when the ledger was last written."""
+    """Its last campaign, as of the ledger's last entry."""
 
 
 def names_of(results: Path) -> list[str]:
-    """Experiments that were begun at least, by name."""
+    """Returns the names of all experiments, sorted."""
     try:
         folders = sorted(path for path in results.iterdir() if path.is_dir())
     except OSError:
@@ -38,14 +38,14 @@ def names_of(results: Path) -> list[str]:
 
 
 def is_experiment(folder: Path) -> bool:
-    """Whether a folder of results is an experiment's, whole or broken."""
+    """Returns whether a folder of results belongs to an experiment, even a damaged one."""
     if not PART.match(folder.name) or folder.name in RESERVED:
         return False
     return (folder / "experiment.json").is_file() or (folder / "runs").is_dir()
 
 
 def listed(results: Path, name: str) -> ExperimentEntry:
-    """What the list says of an experiment; it reads a small file per run."""
+    """Returns the entry of an experiment; it reads a small file per run."""
     folder = results / name
     planned = (read_object(folder / "experiment.json") or {}).get("runs")
     summaries = [Summary.read(path) for path in folder.glob("runs/*/summary.json")]
@@ -64,7 +64,6 @@ def listed(results: Path, name: str) -> ExperimentEntry:
 
 
 def status_of(state: CampaignState | None) -> str:
-    """A campaign in words."""
     if state is None:
         return "not known"
     if state.alive:

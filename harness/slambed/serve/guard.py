@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a request must be to be answered, and which files may be shown."""
+"""Checks requests, and which files may be served."""
 
 import base64
 import hashlib
@@ -8,10 +8,10 @@ from pathlib import Path
 
 METHODS = ("GET", "HEAD")
 NAMES = ("localhost", "127.0.0.1")
-"""By which a browser on this machine calls us. A page from elsewhere whose name was made to mean
-this machine (DNS rebinding) sends that name."""
+"""Host names of this server for a browser on this machine. A foreign page whose name resolves to
+this machine (DNS rebinding) sends that name instead."""
 PART = re.compile(r"[A-Za-z0-9][A-Za-z0-9_.-]*\Z")
-"""Of a path: what we and our results are called. No `..`, nothing hidden, no separator."""
+"""A safe part of a path: no `..`, no hidden file, no separator."""
 TYPES = {
     ".html": "text/html; charset=utf-8",
     ".json": "application/json",
@@ -24,18 +24,18 @@ TYPES = {
     ".pdf": "application/pdf",
     ".parquet": "application/octet-stream",
 }
-"""What is shown of a results folder."""
+"""Suffixes of files that are served, with their content types."""
 
 _NOTHING = "default-src 'none'; base-uri 'none'; frame-ancestors 'none'; form-action 'self'"
 PAGE_POLICY = (
     f"{_NOTHING}; script-src 'self'; style-src 'self'; img-src 'self' data:; connect-src 'self'"
 )
-"""Of our own pages: nothing is loaded from elsewhere, no script stands in a page."""
+"""Content security policy of our own pages: nothing from elsewhere, no inline script."""
 
 
 def report_policy(scripts: list[str]) -> str:
-    """Of a report, which is one file: its own scripts, known by their digests, and its pictures;
-    whatever else somebody wrote into a results folder does not run."""
+    """Returns the policy of a report, which is one file: only its images and these scripts, by
+    digest. No other script in a results folder runs."""
     allowed = " ".join(f"'sha256-{_digest(script)}'" for script in scripts) or "'none'"
     style = "style-src 'unsafe-inline'; img-src 'self' data:"
     return f"{_NOTHING}; script-src {allowed}; {style}"
@@ -46,19 +46,19 @@ def _digest(script: str) -> str:
 
 
 def is_our_name(host: str | None, port: int) -> bool:
-    """Whether the Host header of a request names us."""
+    """Returns whether the Host header of a request names this server."""
     return host is not None and host.lower() in {f"{name}:{port}" for name in NAMES}
 
 
 def parts_of(path: str) -> list[str] | None:
-    """The parts of a request's path, decoded; None where one is none of ours."""
+    """Returns the parts of a decoded path; None if one is unsafe."""
     parts = path.strip("/").split("/") if path.strip("/") else []
     return parts if all(PART.match(part) for part in parts) else None
 
 
 def file_in(root: Path, parts: list[str]) -> Path | None:
-    """A file below `root` that may be shown; None where it is none, or where it really lies
-    somewhere else (a link that leads out)."""
+    """Returns a file below `root` that may be served; None if it may not, does not exist, or a link
+    leads outside."""
     if not parts or not all(PART.match(part) for part in parts):
         return None
     if Path(parts[-1]).suffix not in TYPES:

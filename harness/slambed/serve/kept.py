@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What was computed for a page and is still true: results grow while they are looked at."""
+"""Caches what was computed for pages; results may grow while they are viewed."""
 
 import threading
 import time
@@ -10,8 +10,8 @@ from pathlib import Path
 from typing import Generic, TypeVar
 
 REST = 4.0
-"""So many times as long as it took to compute something, it is shown although it has changed: of
-thousands of runs that takes seconds, and a campaign adds one every few."""
+"""A stale value is shown for this many times its computing time: with thousands of runs that takes
+seconds, and a campaign adds a run every few seconds."""
 
 T = TypeVar("T")
 
@@ -26,7 +26,7 @@ class _Entry(Generic[T]):
 
 @dataclass
 class PageCache(Generic[T]):
-    """The newest few values, each with the stamp of the files that it was made of."""
+    """The last used values, each with the stamp of its files."""
 
     most: int
     now: Callable[[], float] = time.monotonic
@@ -34,7 +34,7 @@ class PageCache(Generic[T]):
     _lock: threading.Lock = field(default_factory=threading.Lock)
 
     def get(self, key: Hashable, stamp: Hashable, make: Callable[[], T]) -> tuple[Hashable, T]:
-        """The value with the stamp that it is of. One thread at a time computes."""
+        """Returns a value with its stamp. One thread at a time computes."""
         with self._lock:
             entry = self._entries.get(key)
             if entry is None or (stamp != entry.stamp and self._is_rested(entry)):
@@ -52,7 +52,7 @@ class PageCache(Generic[T]):
 
 
 def stamp_of(*paths: Path) -> tuple[tuple[int, int] | None, ...]:
-    """Changes when one of these files or folders does."""
+    """Returns a stamp that changes when one of these files or folders does."""
     return tuple(_status(path) for path in paths)
 
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Pictures of prepared sequences, where these are on this machine."""
+"""Images of prepared sequences on this machine."""
 
 import threading
 from functools import lru_cache
@@ -19,15 +19,15 @@ NOT_HERE = (
 
 
 class Pictures:
-    """Sequences by the checksum that a run's manifest names."""
+    """Finds sequences by the checksum in a run's manifest."""
 
     def __init__(self) -> None:
         self._found: dict[str, PreparedSequence] = {}
         self._lock = threading.Lock()
 
     def sequence(self, checksum: str | None) -> PreparedSequence | None:
-        """The sequence that was played; None where it is not here. One that comes later is found
-        then."""
+        """Returns the played sequence; None if it is not on this machine. One that is prepared
+        later is found then."""
         if not checksum:
             return None
         with self._lock:
@@ -35,14 +35,14 @@ class Pictures:
                 return known
             try:
                 found = SequenceCache(places.prepared_folder()).of_checksum(checksum)
-            except SlambedError:  # a cache that may not be read
+            except SlambedError:  # no permission to read the cache
                 return None
             if found is not None:
                 self._found[checksum] = found
             return found
 
     def jpeg(self, checksum: str | None, frame: int) -> bytes | None:
-        """A frame's gray picture; None where it is not here, or was removed meanwhile."""
+        """Returns a frame as gray JPEG; None if its sequence is not on this machine."""
         sequence = self.sequence(checksum)
         if sequence is None or not 0 <= frame < len(sequence) or not sequence.path.is_dir():
             return None

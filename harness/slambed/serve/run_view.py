@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""One run as its page shows it: what happened when, and the path in space."""
+"""Data of a run's page: its timeline, and the path in space."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -29,9 +29,9 @@ Notify = Callable[[dict[str, Any]], str]
 MOST_FRAMES = 20_000
 MOST_POSES = 4_000
 GAP_S = 0.5
-"""A path is broken where there is no pose for longer."""
+"""Longest time without a pose before the path is drawn with a gap."""
 SMOOTH_S = 0.5
-"""Over which CPU use is averaged: samples of 100 ms show quota periods, not work."""
+"""Interval over which CPU use is averaged: samples of 100 ms show quota periods instead of work."""
 
 MARKS: dict[str, tuple[str, Notify]] = {
     "track_lost": ("loss", lambda e: "track lost"),
@@ -46,12 +46,12 @@ MARKS: dict[str, tuple[str, Notify]] = {
     "edge_restarted": ("state", lambda e: "edge restarted"),
     "handover_sent": ("state", lambda e: "map handed over"),
 }
-"""Events on the time line: kind of mark, and what it says."""
+"""Events on the timeline: kind of mark, and its text."""
 
 
 @dataclass(frozen=True)
 class RunFiles:
-    """The folder of a run with what names and judges it."""
+    """The folder of a run, with summary and manifest."""
 
     folder: Path
     summary: Summary
@@ -59,7 +59,7 @@ class RunFiles:
 
     @classmethod
     def of(cls, folder: Path) -> "RunFiles":
-        """What is there and whole of it."""
+        """Reads the files; missing or damaged ones are empty."""
         return cls(
             folder,
             Summary.read(folder / "summary.json") or Summary(),
@@ -70,8 +70,8 @@ class RunFiles:
 def run_json(
     run: RunFiles, truth: Path | None, sequence: PreparedSequence | None
 ) -> dict[str, Any]:
-    """Everything that the page's scripts draw, in seconds of run time and meters. Raises
-    SlambedError where the run left no events."""
+    """Returns everything that the page's scripts draw, in seconds of run time and meters. Raises
+    SlambedError if the run has no events."""
     log = read_run(run.folder)
     frames = frames_of(log, run, sequence)
     origin_s = _origin_s(frames, run, log, sequence)
@@ -94,8 +94,8 @@ def run_json(
 def frames_of(
     log: RunLog, run: RunFiles, sequence: PreparedSequence | None
 ) -> dict[str, list[Any]]:
-    """The frames that were played, in order of time: index in the sequence, when each was offered
-    and done, what became of it, and how long its tracking took."""
+    """Returns the played frames in order of time: index in the sequence, times offered and done,
+    state, tracking time and inliers."""
     rows = log.of("frame_tracked", "frame_dropped")
     if rows.empty:
         return _planned_frames(run, sequence)
@@ -121,7 +121,7 @@ def frames_of(
 
 
 def _planned_frames(run: RunFiles, sequence: PreparedSequence | None) -> dict[str, list[Any]]:
-    """Of a system that reports no frame: what playback offers by its plan."""
+    """Returns the frames that playback offers, for a system that reports none."""
     found = np.zeros(0, np.intp)
     times_s = np.zeros(0)
     if sequence is not None:
@@ -137,7 +137,7 @@ def _planned_frames(run: RunFiles, sequence: PreparedSequence | None) -> dict[st
 
 
 def _playback(run: RunFiles) -> Playback:
-    """How frames were offered, as run.json has it; all of them where that is gone."""
+    """Returns the playback of run.json; the default if that is missing."""
     content = object_or_empty(run.folder / "nodes" / "run.json").get("playback")
     try:
         return Playback.model_validate(content)
@@ -154,7 +154,7 @@ def _text(rows: pd.DataFrame, name: str) -> list[str]:
 
 
 def _stretches(log: RunLog) -> list[dict[str, Any]]:
-    """From when to when tracking was in which state; the nodes' own states below them."""
+    """Returns intervals of equal tracking state."""
     frames = log.of("frame_tracked")
     found: list[dict[str, Any]] = []
     for t_s, state in zip(frames["t_s"], _text(frames, "state"), strict=True):
@@ -187,7 +187,7 @@ def _marks(log: RunLog) -> list[dict[str, Any]]:
 
 
 def _series(log: RunLog) -> list[dict[str, Any]]:
-    """Curves over time: lane, name, unit, times and values."""
+    """Returns curves over time: lane, name, unit, times and values."""
     found: list[dict[str, Any]] = []
 
     def add(lane: str, name: str, unit: str, t_s: Floats, values: Floats) -> None:
@@ -235,7 +235,8 @@ def _columns(rows: pd.DataFrame, name: str) -> tuple[Floats, Floats]:
 def _origin_s(
     frames: dict[str, list[Any]], run: RunFiles, log: RunLog, sequence: PreparedSequence | None
 ) -> float | None:
-    """Recorded time of run time's frame zero: paths have recorded time, events count from it."""
+    """Returns the recorded time of the first played frame: paths use recorded time, events count
+    from that frame."""
     estimate = _read(run.folder / "trajectory.txt")
     for seq_s, state in zip(frames["seq_s"], frames["state"], strict=True):
         if state == "ok" and seq_s is not None and len(estimate):
@@ -251,7 +252,7 @@ def _origin_s(
 
 
 def _path(run: RunFiles, truth_file: Path | None, origin_s: float | None) -> dict[str, Any]:
-    """The estimated path, moved onto the true one as its ATE was computed."""
+    """Returns the estimated path, aligned to the ground truth as for its ATE."""
     estimate = _read(run.folder / "trajectory.txt")
     truth = _read(truth_file) if truth_file is not None else EMPTY
     how = "no true path is known: the estimate in its own frame"
@@ -275,7 +276,7 @@ def _read(path: Path) -> Trajectory:
 
 
 def _points(path: Trajectory, zero_s: float) -> dict[str, list[Any]]:
-    """Times in sequence time, positions, and before which poses the path is broken."""
+    """Returns times in sequence time, positions, and the poses before which the path has a gap."""
     if len(path) > MOST_POSES:
         path = path.take(np.linspace(0, len(path) - 1, MOST_POSES).astype(np.intp))
     steps = np.diff(path.stamps_s)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The HTTP side: which requests are answered, and with which headers."""
+"""The HTTP server: request checks, headers and errors."""
 
 import errno
 import hashlib
@@ -17,7 +17,7 @@ from slambed.serve.site import Site
 
 ADDRESS = "127.0.0.1"
 IDLE_S = 30.0
-"""A connection on which nothing comes is closed."""
+"""An idle connection is closed after this time."""
 HEADERS = {
     "X-Content-Type-Options": "nosniff",
     "Referrer-Policy": "no-referrer",
@@ -27,7 +27,7 @@ HEADERS = {
 
 
 class Server(ThreadingHTTPServer):
-    """Answers for one results folder, a thread per connection."""
+    """Serves one results folder, with a thread per connection."""
 
     daemon_threads = True
 
@@ -36,13 +36,13 @@ class Server(ThreadingHTTPServer):
         super().__init__((ADDRESS, port), Handler)
 
     def handle_error(self, request: object, client_address: object) -> None:
-        """A browser that goes away in the middle is no error worth a word."""
+        """Ignores connections that the browser closed."""
         if not isinstance(sys.exception(), ConnectionError | TimeoutError):
             super().handle_error(request, client_address)  # type: ignore[arg-type]
 
 
 def open_server(site: Site, port: int) -> Server:
-    """Listens on this machine alone; SlambedError where the port is taken or may not be had."""
+    """Listens on this machine only. Raises SlambedError if the port is in use or not permitted."""
     try:
         return Server(site, port)
     except OSError as refused:
@@ -65,21 +65,21 @@ class Handler(BaseHTTPRequestHandler):
     server: Server
 
     def do_GET(self) -> None:
-        """A page or a file."""
+        """Sends a page or a file."""
         self._send(self._answer())
 
     def do_HEAD(self) -> None:
-        """The same without what it says."""
+        """Sends the headers of a page or a file."""
         self._send(self._answer())
 
     def _refuse_method(self) -> None:
-        # What the request brings is not read: it must not become the next one.
+        # The request's body is not read, so it must not be parsed as the next request.
         self.close_connection = True
         text = f"{self.command} is not answered here: results are only looked at."
         self._send(error_page(HTTPStatus.METHOD_NOT_ALLOWED, text), {"Allow": ", ".join(METHODS)})
 
     def __getattr__(self, name: str) -> Any:
-        """Whatever other method is asked for is refused in the same way."""
+        """Refuses all other methods in the same way."""
         if name.startswith("do_"):
             return self._refuse_method
         raise AttributeError(name)
@@ -100,7 +100,7 @@ class Handler(BaseHTTPRequestHandler):
                 parts, parse_qs(address.query), address.path.endswith("/")
             )
         except Exception as error:
-            # Results may be broken in any way; the other pages are there all the same.
+            # Damaged results must not take down the other pages.
             line, _ = line_and_code(error)
             print(f"{address.path}: {line}", file=sys.stderr)
             return error_page(HTTPStatus.INTERNAL_SERVER_ERROR, f"{line}.")
@@ -119,4 +119,4 @@ class Handler(BaseHTTPRequestHandler):
             self.wfile.write(answer.body)
 
     def log_message(self, format: str, *args: object) -> None:
-        """Requests are not reported: the terminal says where the pages are."""
+        """Suppresses the request log: the terminal shows the address of the pages."""

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Which page answers which address. Addresses are laid out as the results folder is, so that the
-links inside a report lead to pages of ours."""
+"""Routes addresses to pages. Addresses mirror the results folder, so that links inside a report
+lead to our pages."""
 
 import hashlib
 import time
@@ -31,17 +31,17 @@ Query = Mapping[str, list[str]]
 EXPERIMENTS, PAPERS, STATIC = "experiments", "papers", "static"
 OWN_SCRIPTS = ("follow.js", "run.js", "lanes.js", "space.js")
 SHARED_SCRIPTS = ("view_math.js", "figures.js")
-"""Those that reports have, too."""
+"""Scripts that reports also contain."""
 OF_EXPERIMENT = ("summary.csv", "report.md", "experiment.json")
 OF_RUN = ("manifest.json", "summary.json", "trajectory.txt", "trajectory_live.txt",
           "events.parquet", "samples.parquet", "link.parquet")  # fmt: skip
 MOST_EXPERIMENTS, MOST_RUNS = 6, 12
-"""Kept in memory."""
+"""Most entries in memory."""
 A_DAY = "private, max-age=86400"
 
 
 class Site:
-    """The pages of one results folder. Threads may ask at once."""
+    """The pages of one results folder; safe for use by several threads."""
 
     def __init__(self, results: Path) -> None:
         self.results = results
@@ -56,7 +56,7 @@ class Site:
         }
 
     def answer(self, parts: list[str], query: Query, slash: bool) -> Answer:
-        """To an address whose parts are harmless names; `slash`: it ended with one."""
+        """Answers an address whose parts were checked; `slash`: the address ended with one."""
         try:
             return self._route(parts, query, slash) or _not_there()
         except SlambedError as error:
@@ -118,7 +118,7 @@ class Site:
         return None
 
     def _run_folder(self, name: str, key: str) -> Path | None:
-        """A run that the experiment has, where it really lies; only inside the results."""
+        """Returns the resolved folder of an experiment's run; None if it is outside the results."""
         try:
             real = (self.results / name / "runs" / key).resolve(strict=True)
         except OSError:
@@ -157,18 +157,18 @@ class Site:
         return _digest([(name, self._stamp(name), self._is_alive(name)) for name in names])
 
     def _is_alive(self, name: str) -> bool:
-        """A killed campaign changes no file."""
+        """Checks the process too, because a killed campaign changes no file."""
         campaign = self._listed_now(name).campaign
         return campaign is not None and campaign.alive and is_alive(campaign.pid, campaign.began_s)
 
     def _status(self, item: ExperimentEntry) -> str:
         campaign = item.campaign
-        if campaign is not None and campaign.alive:  # the time left goes on without its files
+        if campaign is not None and campaign.alive:  # the time left changes without its files
             campaign = state_of(self.results / item.name, time.time())
         return status_of(campaign)
 
     def _stamp(self, name: str) -> tuple[Any, ...]:
-        """Changes with whatever the pages of an experiment show."""
+        """Returns a stamp that changes with the pages of an experiment."""
         folder = self.results / name
         return stamp_of(
             folder / "experiment.json",
@@ -271,7 +271,7 @@ class Site:
 
 @contextmanager
 def _not_found_if_broken() -> Iterator[None]:
-    """Around whatever reads a run's files, which may be torn or somebody else's."""
+    """Turns errors from reading a run's damaged or unknown files into SlambedError."""
     try:
         yield
     except (ValueError, KeyError, TypeError, OSError) as error:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Numbers on their way to a browser: no more than a screen shows, and no NaN."""
+"""Reduces numbers for a browser: no more than a screen shows, and no NaN."""
 
 import math
 from typing import Any, overload
@@ -11,12 +11,12 @@ Floats = NDArray[np.float64]
 
 MOST_POINTS = 3_000
 DIGITS = 6
-"""Significant ones: more cannot be seen."""
+"""Significant digits; more are not visible."""
 
 
 def decimated(t_s: Floats, values: Floats, most: int = MOST_POINTS) -> tuple[Floats, Floats]:
-    """A curve of at most so many points that keeps the smallest and the largest of each stretch:
-    a peak is what somebody looks for."""
+    """Returns a curve of at most `most` points that keeps the minimum and maximum of each part, so
+    that peaks stay visible."""
     if len(t_s) <= most:
         return t_s, values
     chosen: list[int] = []
@@ -31,7 +31,7 @@ def numbers(value: list[Any]) -> list[Any]: ...
 @overload
 def numbers(value: float) -> float | None: ...
 def numbers(value: Any) -> Any:
-    """Rounded, and null for what is no number, as JSON has none."""
+    """Rounds numbers; values that are not finite become None, because JSON has none."""
     if isinstance(value, list):
         return [numbers(item) for item in value]
     if isinstance(value, float):

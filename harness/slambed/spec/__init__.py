@@ -1,2 +1,2 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What an experiment says: YAML files as checked objects, and the runs they stand for."""
+"""Models of the YAML files of an experiment, and the expansion into its runs."""

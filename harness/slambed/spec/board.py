@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""`roles:` of an experiment: a mobile node that runs on a real board (docs/hosts.md)."""
+"""`roles:` of an experiment: a mobile node that runs on a real board:
+docs/how-to/use-a-real-board.md."""
 
 from ipaddress import AddressValueError, IPv4Address
 from typing import Annotated, Any, Literal
@@ -10,7 +11,7 @@ from slambed.spec.device import Device, Limits
 
 STRICT = ConfigDict(extra="forbid", frozen=True, strict=True)
 NETWORK = "network"
-"""Link backend of such a run: what lies between the two machines, as it is."""
+"""Link backend of a run on a board: the real network between the two machines, unmodified."""
 
 
 def _ipv4(text: str) -> str:
@@ -21,58 +22,59 @@ def _ipv4(text: str) -> str:
 
 
 class RoleHost(BaseModel):
-    """The machine that a node runs on, instead of this one."""
+    """Another machine that a node runs on."""
 
     model_config = STRICT
 
     host: Annotated[str, Field(pattern=r"^[^-\s]\S*$")]
-    """Where ssh finds it: `user@machine`, `ssh://user@machine:port`, an alias."""
+    """The board's SSH address: `user@machine`, `ssh://user@machine:port`, or an alias."""
     over: Literal["ssh"] = "ssh"
-    """How its Docker is reached."""
+    """How the harness reaches the board's Docker daemon."""
     name: str | None = Field(default=None, pattern=r"^[A-Za-z0-9][A-Za-z0-9_.-]*$")
-    """What tables call it; `host` when not given."""
+    """Name of the board in tables; `host` when not given."""
     ssh: list[str] = Field(default_factory=list)
-    """Further words for the ssh command, such as `-p` and a port."""
+    """Further arguments of the ssh command, such as `-p` and a port."""
     edge_address: Annotated[str, AfterValidator(_ipv4)] | None = None
-    """IPv4 address of this machine at which the board finds the edge; null: that which its ssh
-    connection came from."""
+    """IPv4 address of this machine at which the board reaches the edge. Null takes the address
+    that the board's ssh connection used."""
 
     @property
     def called(self) -> str:
-        """Its name in tables, manifests and messages."""
+        """Name of the board in tables, manifests and messages."""
         return self.name or self.host
 
 
 class Roles(BaseModel):
-    """Which nodes run on another machine than this one."""
+    """The nodes that run on another machine."""
 
     model_config = STRICT
 
     mobile: RoleHost
-    """The board."""
+    """The board that runs the mobile node."""
 
 
 class Board(BaseModel):
-    """The machine that executes the mobile node of a run, as far as the run means it."""
+    """The machine that executes the mobile node of a run: the facts that enter the run key."""
 
     model_config = STRICT
 
     name: str
-    """In the experiment's file."""
+    """Name in the experiment's file."""
     architecture: str = ""
-    """As its kernel names it: aarch64, x86_64. Empty until somebody has looked."""
+    """Architecture as the kernel reports it, such as aarch64 or x86_64; empty until the board
+    has been contacted."""
     model: str = ""
-    """Of the board, or of its CPU where it names no board."""
+    """Model of the board, or of its CPU where the board reports no model."""
     cores: int = 0
-    """CPUs that are online."""
+    """Number of online CPUs."""
 
     def meaning(self) -> dict[str, Any]:
-        """Part of a run's key: what one board did is no result of another."""
+        """Part of the run key: a result of one board is no result of another."""
         return self.model_dump(mode="json")
 
     @property
     def device(self) -> Device:
-        """The mobile device of such a run: itself, without limits."""
+        """The board as the run's mobile device, without limits."""
         hardware = f"{self.model}, {self.cores} cores, {self.architecture}"
         return Device(
             name=self.name,

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Which board executes the mobile nodes of an experiment, and what cannot be on one."""
+"""Which board executes the mobile nodes of an experiment, and what boards do not support."""
 
 from collections.abc import Mapping
 
@@ -14,8 +14,8 @@ from slambed.spec.system import Scalar, System
 def chosen_board(
     experiment: Experiment, source: YamlSource, engine: str, seen: Board | None
 ) -> Board | None:
-    """The board that executes the mobile nodes, as it was `seen` where somebody has looked. Raises
-    a complaint about what cannot be on one."""
+    """Returns the board of the mobile nodes, with the facts in `seen` once it has been
+    contacted. Raises a complaint about options that a board does not support."""
     if experiment.roles is None:
         return None
     place: Location = ("roles", "mobile")
@@ -32,7 +32,7 @@ def chosen_board(
 
 
 def must_go_to_board(system: System, params: Mapping[str, Scalar], board: Board) -> None:
-    """Raises SlambedError for a system that cannot have its mobile node there."""
+    """Raises SlambedError for a system whose mobile node cannot run on a board."""
     if system.runtime is not None:
         raise SlambedError(
             f"system {system.name} is a program of its own, which board {board.name} cannot "

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Which device a role of a system gets: its own, else the experiment's, as it is or changed."""
+"""Which device a role of a system gets: the system's own or the experiment's, possibly changed."""
 
 from slambed.errors import SlambedError
 from slambed.files.yaml_source import Location, YamlSource
@@ -11,7 +11,8 @@ from slambed.spec.system import Role, System
 
 
 def has_boards(experiment: Experiment, source: YamlSource, library: Library) -> bool:
-    """Whether limits of any live run follow from a board, and so from the speed of its host."""
+    """Returns whether the limits of any live run derive from a board and the measured host
+    speed."""
     systems = [(i, library.system(c.system)) for i, c in enumerate(experiment.systems)]
     return any(
         chosen_device(experiment, index, source, library, "", system, role).board is not None
@@ -29,9 +30,9 @@ def chosen_device(
     system: System,
     role: Role,
 ) -> Device:
-    """Of the system where it has its own for this role, else of the experiment; where its cost
-    model counts, with the costs of the system's own stages. Raises a complaint of its place in the
-    file where there can be no such device on this engine."""
+    """Returns the device of the system for this role, or else that of the experiment. Where its
+    cost model is used, the costs of the system's own stages are added. Raises a complaint with
+    the place in the file when this engine cannot use the device."""
     place: Location = ("systems", index, "devices", role)
     asked: str | DeviceChange | None = getattr(experiment.systems[index].devices, role)
     if asked is None:

@@ -16,7 +16,7 @@ from pydantic import (
 from slambed.older_names import STAGES, in_keys
 
 ROUNDING = 1e-3
-"""Differences of computed cores that mean nothing."""
+"""Differences between computed numbers of cores below this are ignored."""
 STRICT = ConfigDict(extra="forbid", frozen=True, strict=True, allow_inf_nan=False)
 
 
@@ -26,13 +26,14 @@ class Limits(BaseModel):
     model_config = STRICT
 
     cores: int | None = Field(default=None, ge=1)
-    """Host CPUs that the node may run on (its cpuset); null = all."""
+    """Number of host CPUs in the node's cpuset; null = all."""
     quota_cores: float | None = Field(default=None, gt=0)
     """CPU seconds per second, summed over threads; null = no quota."""
     thread_cores: float | None = Field(default=None, gt=0, le=1)
     """CPU seconds per second of each single thread; null = a thread may use the whole quota."""
     period_ms: float = Field(default=10.0, ge=1, le=1000)
-    """Length of a quota period. Short, because a thread that used its share sleeps for the rest."""
+    """Length of a quota period. It is short because a thread that used its share sleeps until
+    the next period."""
     memory_mb: int | None = Field(default=None, ge=64)
     """Memory limit in MiB, page cache included; null = none."""
 
@@ -48,13 +49,15 @@ class Limits(BaseModel):
 
 
 class Board(BaseModel):
-    """The computer a node pretends to be: limits follow from it and from this host's speed."""
+    """The computer that a node emulates: the limits follow from it and from this host's core
+    speed."""
 
     model_config = STRICT
 
     cores: int = Field(ge=1, le=1024)
+    """Cores of the board."""
     core_speed: float = Field(gt=0)
-    """Speed of one core; 1 is a core of the reference host (docs/limits.md)."""
+    """Speed of one core; 1 is a core of the reference host (docs/explanation/limits.md)."""
 
 
 class StageCost(BaseModel):
@@ -63,42 +66,49 @@ class StageCost(BaseModel):
     model_config = STRICT
 
     a_us: float = Field(default=0.0, ge=0)
+    """Fixed part, in microseconds."""
     b_us: float = Field(default=0.0, ge=0)
+    """Microseconds for each unit of n1."""
     c_us: float = Field(default=0.0, ge=0)
+    """Microseconds for each unit of n2."""
     jitter: float = Field(default=0.0, ge=0, le=3)
-    """Standard deviation of the factor's logarithm; its median is 1."""
+    """Standard deviation of the logarithm of the cost's random factor, whose median is 1."""
     accelerator: str | None = None
-    """The accelerator that does this work; null = a core."""
+    """The accelerator that executes this stage; null = a CPU core."""
 
     @model_serializer(mode="wrap")
     def _without_none(self, serialize: SerializerFunctionWrapHandler) -> dict[str, Any]:
-        # Keys of devices without accelerators stay what they were.
+        # Without this, run keys of devices without accelerators would change.
         return {key: value for key, value in serialize(self).items() if value is not None}
 
 
 class Accelerator(BaseModel):
-    """What computes beside the cores: a GPU, an extractor in hardware."""
+    """Hardware that computes besides the CPU cores, such as a GPU or a feature extraction unit."""
 
     model_config = STRICT
 
     lanes: int = Field(default=1, ge=1, le=1024)
-    """Pieces of work at once, each at full speed; more than that share them."""
+    """Number of jobs that run at full speed at the same time; more jobs share the lanes."""
     speed: float = Field(default=1.0, gt=0)
-    """Costs of stages on it are divided by this, not by the device's speed."""
+    """The costs of its stages are divided by this instead of by the device's speed."""
 
 
 class CostModel(BaseModel):
-    """The device as the virtual engine charges it (docs/virtual.md)."""
+    """The device's compute costs that the virtual engine charges
+    (docs/explanation/virtual-time.md)."""
 
     model_config = STRICT
 
     cores: int = Field(ge=1, le=1024)
+    """Cores that stages share."""
     speed: float = Field(default=1.0, gt=0)
     """Every cost is divided by it: 2 is a device twice as fast."""
     background: float = Field(default=0.0, ge=0, le=1024)
-    """Cores that are busy with what is no part of the system: drivers, a player, a viewer."""
+    """Cores kept busy by work outside the system, such as drivers, a player or a viewer."""
     stages: Annotated[dict[str, StageCost], in_keys(STAGES)]
+    """Stage -> what one execution costs."""
     accelerators: dict[str, Accelerator] = Field(default_factory=dict)
+    """Name -> what computes beside the cores."""
 
     @model_validator(mode="after")
     def _accelerators_are_there(self) -> "CostModel":
@@ -120,19 +130,22 @@ class CostModel(BaseModel):
 
 
 class Device(BaseModel):
-    """A device that a node pretends to be."""
+    """A device that a node emulates."""
 
     model_config = STRICT
 
     name: str
+    """Name of the device, as of the file."""
     title: str
+    """One line for lists and reports."""
     limits: Limits
+    """What a live node is limited to."""
     board: Board | None = None
-    """null: the limits are all in `limits`, as shares of whatever host it is."""
+    """Null when all limits are in `limits`, as shares of whichever host executes the run."""
     model: CostModel | None = None
-    """null: runs live only."""
+    """Null for a device that supports live runs only."""
     hardware: str = ""
-    """The real device, in words."""
+    """Description of the real device."""
     notes: str = ""
     """How the limits were chosen, and what they do not emulate."""
 
@@ -145,10 +158,10 @@ class Device(BaseModel):
         return self
 
     def limits_on(self, host_speed: float, host_cpus: int) -> Limits:
-        """The limits on a host whose cores have this speed (1 = the reference host's).
+        """Returns the limits on a host with this core speed (1 = the reference host).
 
-        Each thread gets a core of the board, all threads together its cores, and neither more
-        than there is: `shortfall` reports what is missing.
+        Each thread gets one core of the board and all threads together get all its cores, but never
+        more than the host has. `shortfall` reports what is missing.
         """
         if self.board is None:
             return self.limits
@@ -164,7 +177,8 @@ class Device(BaseModel):
         )
 
     def shortfall(self, limits: Limits, host_speed: float) -> str | None:
-        """What of the board the limits cannot give on this host; None when they give it all."""
+        """Describes which part of the board these limits cannot provide on this host; None if
+        they suffice."""
         if self.board is None or limits.quota_cores is None or limits.thread_cores is None:
             return None
         thread = self.board.core_speed / host_speed
@@ -176,18 +190,19 @@ class Device(BaseModel):
         return "; ".join(lines) or None
 
     def share_on(self, limits: Limits) -> float:
-        """Of a CPU of this host that one core of the device is under its limits."""
+        """Returns the share of a host CPU that emulates one core of the device under these
+        limits."""
         return min(limits.thread_cores or limits.quota_cores or 1.0, 1.0)
 
     def meaning(self, engine: str, paced: bool = False) -> dict[str, object]:
-        """What a run depends on: a live one on board and limits, a virtual one on the cost model, a
-        live one at the device's pace on both. The words about the device may change freely, and so
-        may the speed of the host."""
+        """Returns what enters the run key: board and limits for a live run, the cost model for a
+        virtual one, and both for a live run at the device's pace. Descriptions and the host's
+        speed do not enter."""
         if paced:
             return self.meaning(engine) | self.meaning(VIRTUAL)
         if engine != VIRTUAL:
             limits = self.limits.model_dump(mode="json")
-            # Keys of devices without it stay what they were.
+            # Without this, run keys of devices without `thread_cores` would change.
             if limits["thread_cores"] is None:
                 del limits["thread_cores"]
             if self.board is None:
@@ -198,29 +213,33 @@ class Device(BaseModel):
 
 
 LOCAL = "local"
-"""Name of the engine that starts programs of this host."""
+"""Name of the engine that starts programs directly on this host."""
 VIRTUAL = "virtual"
 """Name of the engine that charges cost models instead of computing under limits."""
 
 
 class DeviceChange(BaseModel):
-    """A device of catalog/devices/*.yaml with other cores, another speed, other spreads or another
-    background load: what if?"""
+    """A device of catalog/devices/*.yaml with changed cores, speed, jitter or background load,
+    for what-if experiments."""
 
     model_config = STRICT
 
     device: str
+    """Name of the device that is changed."""
     name: str = Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9_.-]*$")
+    """What tables call the changed device."""
     cores: int | None = Field(default=None, ge=1, le=1024)
+    """Another number of cores."""
     speed: float | None = Field(default=None, gt=0)
-    """Relative to the device as it is in its file."""
+    """Relative to the speed in the device's file."""
     jitter: dict[str, Annotated[float, Field(ge=0, le=3)]] = Field(default_factory=dict)
-    """Stage -> another `jitter` of its cost; the median stays."""
+    """Stage -> new `jitter` of its cost; the median stays."""
     background: float | None = Field(default=None, ge=0, le=1024)
-    """Another background load, in cores."""
+    """New background load, in cores."""
 
     def applied_to(self, device: Device) -> Device:
-        """The changed device; ValueError when there is nothing to change."""
+        """Returns the changed device. Raises ValueError if it has no cost model or no cost of a
+        stage."""
         if device.model is None:
             raise ValueError(f"device {device.name} has no cost model to change")
         changes: dict[str, object] = {}

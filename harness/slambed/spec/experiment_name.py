@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What somebody named on the command line for an experiment."""
+"""Checks the argument that names an experiment on the command line."""
 
 from pathlib import Path
 
@@ -9,7 +9,8 @@ YAML = (".yaml", ".yml")
 
 
 def must_be_an_experiment(given: str, known: list[str]) -> None:
-    """A name or a YAML file; what is neither, but is there, is reported for what it is."""
+    """Accepts a name or a YAML file; the error for any other existing path says what the path
+    is."""
     path = Path(given)
     if given in known or path.suffix in YAML:
         return

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""`faults:` of an experiment: what goes wrong in its runs, and when."""
+"""`faults:` of an experiment: which faults are injected into its runs, and when."""
 
 from collections.abc import Mapping
 from itertools import pairwise
@@ -9,23 +9,25 @@ from pydantic import BaseModel, ConfigDict, Field, model_validator
 
 EdgeFault = Literal["kill", "freeze", "restart"]
 FAULT_FILE = "faults.jsonl"
-"""In a raw run folder: what was done, and when."""
+"""File in the raw run folder that records which fault was injected when."""
 LASTING = ("freeze", "cut")
-"""These end by themselves after `for_s`."""
+"""Faults that end after `for_s`."""
 
 
 class Fault(BaseModel):
-    """One thing that goes wrong at a run time."""
+    """One fault at a run time."""
 
     model_config = ConfigDict(extra="forbid", frozen=True, strict=True, allow_inf_nan=False)
 
     at_s: float = Field(ge=0)
+    """Run time at which it begins."""
     edge: EdgeFault | None = None
-    """kill: SIGKILL; freeze: SIGSTOP, for_s later SIGCONT (the kernel's TCP lives on); restart:
-    the killed program starts again in its namespace and groups."""
+    """kill: SIGKILL. freeze: SIGSTOP, then SIGCONT after `for_s`; the kernel's TCP stack keeps
+    running. restart: the killed program starts again in the same namespace and cgroups."""
     link: Literal["cut"] | None = None
-    """Every packet of both directions is dropped for for_s."""
+    """All packets in both directions are dropped for `for_s`."""
     for_s: float | None = Field(default=None, gt=0)
+    """How long it lasts; of `freeze` and `cut` only, which need it."""
 
     @model_validator(mode="after")
     def _is_one(self) -> "Fault":
@@ -38,22 +40,22 @@ class Fault(BaseModel):
 
     @property
     def kind(self) -> str:
-        """kill, freeze, restart or cut."""
+        """Returns kill, freeze, restart or cut."""
         return str(self.edge or self.link)
 
     @property
     def target(self) -> str:
-        """edge or link."""
+        """Returns edge or link."""
         return "edge" if self.edge else "link"
 
     @property
     def end_s(self) -> float:
-        """When it is over; what happens in an instant is over at once."""
+        """Run time at which the fault ends; kill and restart end at `at_s`."""
         return self.at_s + (self.for_s or 0.0)
 
 
 def check_faults(faults: list[Fault]) -> list[Fault]:
-    """The list, when it can happen; else ValueError."""
+    """Returns the list if its faults are possible in this order. Raises ValueError otherwise."""
     if any(later.at_s < earlier.at_s for earlier, later in pairwise(faults)):
         raise ValueError("faults are not in the order of at_s")
     dead = False
@@ -73,14 +75,14 @@ def check_faults(faults: list[Fault]) -> list[Fault]:
 
 
 def cuts(faults: list[Fault]) -> list[Fault]:
-    """Those of the link."""
+    """Returns the faults of the link."""
     return [fault for fault in faults if fault.link is not None]
 
 
 def with_cuts(content: Mapping[str, Any], faults: list[Fault]) -> dict[str, Any]:
-    """A profile's content with its link cut: gaps in which everything is dropped.
+    """Returns a profile's content with the cuts as gaps that drop all packets.
 
-    ValueError for a profile whose own gaps only delay what comes.
+    Raises ValueError for a profile whose own gaps only delay packets.
     """
     found = dict(content)
     if cut := cuts(faults):
@@ -93,5 +95,5 @@ def with_cuts(content: Mapping[str, Any], faults: list[Fault]) -> dict[str, Any]
 
 
 def as_json(faults: list[Fault]) -> list[dict[str, Any]]:
-    """As they are written in a file."""
+    """Returns the faults as they are written to a file."""
     return [fault.model_dump(mode="json", exclude_none=True) for fault in faults]

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""How fast a core of this host is: measured by `slambed calibrate --host`, kept in the cache."""
+"""Core speed of this host: measured by `slambed calibrate --host` and kept in the cache."""
 
 import json
 import os
@@ -19,20 +19,20 @@ FILE = "host_speed.json"
 
 @dataclass(frozen=True)
 class HostSpeed:
-    """Speed of one core; 1 is the reference host's (docs/limits.md)."""
+    """Speed of one core; 1 is a core of the reference host (docs/explanation/limits.md)."""
 
     speed: float
     spread: float | None = None
-    """Largest minus smallest of the measurements, relative; None when nothing was measured."""
+    """(Maximum - minimum) of the measurements, relative; None when nothing was measured."""
     measured_utc: str | None = None
 
 
 UNKNOWN = HostSpeed(1.0)
-"""Without a calibration a core is taken for one of the reference host's."""
+"""Assumed without a calibration: a core is as fast as one of the reference host."""
 
 
 def host_identity() -> dict[str, str | int | None]:
-    """What a measured speed belongs to."""
+    """Identifies the host that a measured speed belongs to."""
     try:
         machine = Path("/etc/machine-id").read_text(encoding="ascii").strip()[:12]
     except OSError:
@@ -42,7 +42,7 @@ def host_identity() -> dict[str, str | int | None]:
 
 @cache
 def cpu_model() -> str:
-    """As the kernel names it."""
+    """CPU model as the kernel reports it."""
     for line in Path("/proc/cpuinfo").read_text(errors="replace").splitlines():
         key, _, value = line.partition(":")
         if key.strip() in ("model name", "Model"):
@@ -51,7 +51,7 @@ def cpu_model() -> str:
 
 
 def load_host_speed(folder: Path | None = None) -> HostSpeed:
-    """What was measured on this host; UNKNOWN when nothing was, or on another host."""
+    """Returns the speed measured on this host; UNKNOWN without a measurement or on another host."""
     path = (folder or cache_folder()) / FILE
     content = read_object(path) or {}
     if content.get("format") != FORMAT or content.get("host") != host_identity():
@@ -64,7 +64,7 @@ def load_host_speed(folder: Path | None = None) -> HostSpeed:
 
 
 def save_host_speed(speed: HostSpeed, folder: Path | None = None) -> Path:
-    """Keeps it for the engines, by one rename."""
+    """Stores the speed in the cache for the engines, atomically."""
     path = (folder or cache_folder()) / FILE
     content = {"format": FORMAT, "host": host_identity(), "measured": asdict(speed)}
     try:

@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""hosts.yaml: the machines that the live runs of a campaign may be executed on (docs/hosts.md)."""
+"""hosts.yaml: the machines that may execute the live runs of a campaign
+(docs/reference/hosts.md)."""
 
 from collections import Counter
 from pathlib import Path
@@ -13,7 +14,7 @@ from slambed.suggestion import suggestion
 
 STRICT = ConfigDict(extra="forbid", frozen=True, strict=True)
 HERE = "here"
-"""Address of the machine that the campaign is started on."""
+"""Address of the machine that starts the campaign."""
 Name = Annotated[str, Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9_.-]*$")]
 
 
@@ -23,40 +24,42 @@ class Host(BaseModel):
     model_config = STRICT
 
     name: Name
-    """What manifests and tables call it."""
+    """Name in manifests and tables."""
     address: Annotated[str, Field(pattern=r"^[^-\s]\S*$")]
-    """Where ssh finds it (`user@machine`, `ssh://user@machine:port`, an alias), or `here`."""
+    """SSH address (`user@machine`, `ssh://user@machine:port`, an alias), or `here`."""
     slambed: str = Field(default="slambed", min_length=1)
-    """The checkout there, with its `.venv`; relative to the home folder."""
+    """Folder of the checkout on that host, with its `.venv`; relative to the home folder."""
     engine: Literal["docker", "local"] = "docker"
+    """What executes the runs there."""
     cores: int | None = Field(default=None, ge=1, le=1024)
-    """CPUs that runs may use there, the first ones of the machine; null = all."""
+    """Number of CPUs that runs may use on that host, the first available ones; null = all."""
     labels: list[Name] = Field(default_factory=list)
-    """Words that `--on` may choose it by."""
+    """Labels that select the host with `--on`."""
     ssh: list[str] = Field(default_factory=list)
-    """Further words for the ssh command, such as `-p` and a port."""
+    """Further arguments of the ssh command, such as `-p` and a port."""
     environment: dict[str, str] = Field(default_factory=dict)
-    """For the runs there: `SLAMBED_CACHE`, `SLAMBED_DATA`."""
+    """Environment variables of the runs on that host: `SLAMBED_CACHE`, `SLAMBED_DATA`."""
 
     @property
     def is_here(self) -> bool:
-        """True for the machine that the campaign is started on."""
+        """True for the machine that starts the campaign."""
         return self.address == HERE
 
 
 class Hosts(BaseModel):
-    """The file."""
+    """The content of hosts.yaml."""
 
     model_config = STRICT
 
     hosts: list[Host] = Field(min_length=1)
+    """The machines."""
 
 
 def read_hosts(path: Path, on: list[str] | None = None, engine: str | None = None) -> list[Host]:
-    """The hosts of a file, or those among them that one of the words `on` names or labels.
+    """Returns the hosts of a file, or only those with a name or label in `on`.
 
-    `engine`: what the command line asks for. All must have one engine, which is part of what a run
-    means. Raises SlambedError, in a line, for a file that cannot be.
+    `engine` is the command line's choice. All hosts must have the same engine because it is part of
+    the run key. Raises a one-line SlambedError for an invalid file.
     """
     source = load_yaml(path)
     hosts = parse(Hosts, source).hosts
@@ -89,7 +92,7 @@ def _check(hosts: list[Host], source: YamlSource) -> None:
     for key in ("name", "address"):
         seen: Counter[tuple[str, ...]] = Counter()
         for index, host in enumerate(hosts):
-            # Two ports of one machine are two addresses.
+            # The same machine with two SSH ports counts as two addresses.
             value = (host.name,) if key == "name" else (host.address, *host.ssh)
             seen[value] += 1
             if seen[value] > 1:

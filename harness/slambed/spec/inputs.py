@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Input files that parameters of type `path` name: found once, known by their content."""
+"""Input files named by parameters of type `path`: located once and identified by content."""
 
 import hashlib
 import shutil
@@ -11,13 +11,15 @@ from slambed.errors import SlambedError
 from slambed.native import repository_root
 
 FROM_DATASET = "dataset"
-"""Value of a path parameter: the prior map that the dataset's file names (docs/inputs.md)."""
+"""Value of a path parameter that selects the prior map named in the dataset's file
+(docs/reference/input.md)."""
 FOLDER = "inputs"
-"""In a run's output folder, where every engine's nodes can read."""
+"""Subfolder of a run's output folder, which nodes of every engine can read."""
 
 
 def find_input(name: str, near: Path) -> Path:
-    """An absolute path, or one beside the experiment, in the checkout or in a data folder."""
+    """Resolves an absolute path, or one relative to the experiment, the checkout or a data
+    folder."""
     path = Path(name).expanduser()
     folders = [near, repository_root(), *search_path()]
     candidates = [path] if path.is_absolute() else [folder / path for folder in folders]
@@ -29,7 +31,7 @@ def find_input(name: str, near: Path) -> Path:
 
 
 def sha256_of(path: Path) -> str:
-    """Hex digest of the file's content."""
+    """Returns the hex digest of the file's content."""
     digest = hashlib.sha256()
     try:
         with path.open("rb") as file:
@@ -41,13 +43,13 @@ def sha256_of(path: Path) -> str:
 
 
 def inside(output: str, parameter: str) -> str:
-    """Where the nodes find the file of a parameter."""
+    """Returns the path at which nodes find the file of a parameter."""
     return f"{output}/{FOLDER}/{parameter}"
 
 
 def copy_inputs(run_dir: Path, files: Mapping[str, str], wanted: Mapping[str, str]) -> None:
-    """Copies the files (parameter -> path) into a run's folder; each must still be the one that
-    the run was planned with (parameter -> digest)."""
+    """Copies the files (parameter -> path) into a run's folder. Raises SlambedError if a file no
+    longer has the digest it was planned with (`wanted`: parameter -> digest)."""
     for parameter, path in files.items():
         target = Path(inside(str(run_dir), parameter))
         target.parent.mkdir(exist_ok=True)

@@ -29,13 +29,13 @@ class Library:
     def __init__(self, root: Path | None = None) -> None:
         self.root = root or repository_root()
         self._read: dict[Path, tuple[int, BaseModel]] = {}
-        """Devices and systems that were read, with the time of their file's last change."""
+        """Devices and systems read so far, with the modification time of their file in ns."""
 
     def experiment(
         self, name: str, settings: list[str] | None = None
     ) -> tuple[Experiment, YamlSource]:
-        """An experiment by name (`quickstart`) or by path (anything that ends in .yaml), its grid
-        written out; `settings` are `key=value` and go before what the file says."""
+        """Loads an experiment by name (`quickstart`) or by path (ends in .yaml or .yml) and
+        expands its grid. `settings` are `key=value` pairs that override the file."""
         if name.endswith((".yaml", ".yml")):
             path = Path(name)
         else:
@@ -52,7 +52,7 @@ class Library:
         return experiment, source
 
     def input(self, name: str) -> tuple[InputRecipe, YamlSource]:
-        """A recipe of catalog/inputs/*.yaml."""
+        """Loads a recipe of catalog/inputs/*.yaml."""
         path = self.root / "catalog" / "inputs" / f"{name}.yaml"
         self._must_exist(path, "input", name, self.inputs())
         source = load_yaml(path)
@@ -64,21 +64,20 @@ class Library:
         return recipe, source
 
     def inputs(self) -> list[str]:
-        """Names of all recipes of inputs."""
+        """Names of all input recipes."""
         return _stems(self.root / "catalog" / "inputs")
 
     def device(self, name: str) -> Device:
-        """A device of catalog/devices/*.yaml."""
+        """Loads a device of catalog/devices/*.yaml."""
         path = self.root / "catalog" / "devices" / f"{name}.yaml"
         self._must_exist(path, "device", name, self.devices())
         return self._named(Device, path)
 
     def devices(self) -> list[str]:
-        """Names of all devices."""
         return _stems(self.root / "catalog" / "devices")
 
     def system(self, name: str) -> System:
-        """A system of systems/*/system.yaml, of a folder in $SLAMBED_SYSTEMS, or of a file."""
+        """Loads a system from systems/*/system.yaml, a folder in $SLAMBED_SYSTEMS, or a file."""
         path = self.system_file(name)
         system = self._named(System, path)
         ours = path.is_relative_to(self.root / "systems")
@@ -89,7 +88,7 @@ class Library:
         return system
 
     def system_file(self, name: str) -> Path:
-        """Where a system is described. Raises SlambedError where it is not."""
+        """Returns the path of a system's description. Raises SlambedError if there is none."""
         if name.endswith((".yaml", ".yml")):
             path = Path(name).resolve()
             self._must_exist(path, "system", name, self.systems())
@@ -101,15 +100,14 @@ class Library:
         return path
 
     def experiments(self) -> list[str]:
-        """Names of all experiments."""
         return _stems(self.root / "experiments")
 
     def systems(self) -> list[str]:
-        """Names of all systems of the checkout."""
+        """Names of all systems in the checkout."""
         return sorted(p.parent.name for p in (self.root / "systems").glob(f"*/{SYSTEM_FILE}"))
 
     def known_systems(self) -> list[str]:
-        """Names of those and of the ones in folders of $SLAMBED_SYSTEMS."""
+        """Names of all systems in the checkout and in the folders of $SLAMBED_SYSTEMS."""
         own = (p.parent.name for folder in _others() for p in folder.glob(f"*/{SYSTEM_FILE}"))
         return sorted({*self.systems(), *own})
 
@@ -120,7 +118,7 @@ class Library:
             raise SlambedError(f"unknown {kind} '{name}', no {path}; {what_now}")
 
     def _named(self, model: type[Model], path: Path) -> Model:
-        """Each file is read once; again after a change."""
+        """Reads each file once, and again after it was modified."""
         changed_ns = path.stat().st_mtime_ns
         known_ns, known = self._read.get(path, (0, None))
         if known_ns == changed_ns and isinstance(known, model):
@@ -137,13 +135,13 @@ class Library:
 
 
 def _others() -> list[Path]:
-    """Folders of systems outside of the checkout."""
+    """Folders of systems outside the checkout."""
     folders = os.environ.get(SYSTEMS_VARIABLE, "").split(os.pathsep)
     return [Path(part).resolve() for part in folders if part]
 
 
 def _anchor_systems(source: YamlSource) -> None:
-    """`system: ./mine/system.yaml` means: seen from the experiment's file."""
+    """Resolves `system: ./mine/system.yaml` relative to the experiment's file."""
     entries = source.data.get("systems") if isinstance(source.data, dict) else None
     for entry in entries if isinstance(entries, list) else []:
         named = entry.get("system") if isinstance(entry, dict) else None
@@ -152,7 +150,7 @@ def _anchor_systems(source: YamlSource) -> None:
 
 
 def _anchor_datasets(source: YamlSource) -> None:
-    """`datasets: [./mine/dataset.yaml]` too."""
+    """Resolves `datasets: [./mine/dataset.yaml]` likewise."""
     names = source.data.get("datasets") if isinstance(source.data, dict) else None
     for index, name in enumerate(names if isinstance(names, list) else []):
         if isinstance(name, str) and name.endswith((".yaml", ".yml")):

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Which sources one system really links: what changes elsewhere leaves its runs what they are."""
+"""Which sources a system links, so that a change elsewhere leaves its run keys unchanged."""
 
 import hashlib
 import re
@@ -11,28 +11,28 @@ from slambed.native import repository_root
 
 
 class Target(NamedTuple):
-    """What CMake builds: the folder it stands in, and the floors that it names as dependencies."""
+    """A CMake target: its folder and the layers that it depends on."""
 
     folder: Path
     depends: list[str]
 
 
-FLOOR = re.compile(r"slambed_floor\(\s*(\w+)([^)]*)\)")
+LIBRARY = re.compile(r"slambed_library\(\s*(\w+)([^)]*)\)")
 PROGRAM = re.compile(r"slambed_(?:program|tool)\(\s*([\w-]+)([^)]*)\)")
-LIBRARY = re.compile(r"\bslambed_(\w+)")
+DEPENDENCY = re.compile(r"\bslambed_(\w+)")
 ALWAYS = ("CMakeLists.txt", "cmake", "systems/CMakeLists.txt", "systems/core/CMakeLists.txt")
-"""How everything is built."""
+"""These files affect every build."""
 ALWAYS_LIVE = (*ALWAYS, "docker")
 NODE = "slambed-node"
 LIVE_PROGRAMS = (NODE, "slambed-relay", "slambed-pace")
-"""What every live run starts. The node is another one where the system has a program of its own,
-as `play` has."""
+"""Programs that every live run starts. A system that needs its own node program, such as `play`,
+replaces slambed-node."""
 VIRTUAL_PROGRAMS = ("slambed-sim",)
 LEFT_OUT_FOLDERS = {"tests", "bench", "fuzz", "__pycache__"}
 LEFT_OUT_SUFFIXES = {".md", ".yaml"}
 CPP_SUFFIXES = {".cpp", ".hpp", ".inl", ".h"}
-# Literals are kept as they are: a string may hold what looks like a comment, a digit separator is
-# no quote.
+# Literals are matched so that comment markers inside strings stay. A digit separator does not open
+# a character literal.
 CPP_TOKEN = re.compile(
     r'(?P<raw>R"(?P<mark>[^\s()\\]{0,16})\(.*?\)(?P=mark)")'
     r'|(?P<string>"(?:\\.|[^"\\\n])*")'
@@ -44,17 +44,18 @@ CMAKE_COMMENT = re.compile(r"(?m)^\s*#[^\n]*$")
 
 
 def linked_hash(system: str, root: Path | None = None, *, virtual: bool = False) -> str | None:
-    """SHA-256 (12 hex digits) over names and code of what a live or a virtual run of this system is
-    built from, comments and blank lines left out; None for a system without sources here."""
+    """Returns SHA-256 (12 hex digits) over names and code of the sources of a live or virtual
+    run of this system, without comments and blank lines. None for a system without sources in
+    this checkout."""
     base = root or repository_root()
-    floors = floors_of(base)
-    if system not in floors:
+    libraries = libraries_of(base)
+    if system not in libraries:
         return None
     programs = _programs_of_runs(system, programs_of(base), virtual)
-    wanted = below([system, *(name for item in programs for name in item.depends)], floors)
-    folders = {floors[name].folder for name in wanted} | {item.folder for item in programs}
+    wanted = below([system, *(name for item in programs for name in item.depends)], libraries)
+    folders = {libraries[name].folder for name in wanted} | {item.folder for item in programs}
     starts = [base / name for name in (ALWAYS if virtual else ALWAYS_LIVE)] + sorted(folders)
-    others = {item.folder for item in floors.values()} - folders
+    others = {item.folder for item in libraries.values()} - folders
     digest = hashlib.sha256()
     for path in sorted({file for start in starts for file in _files(start, base)}):
         if not others.intersection(path.parents):
@@ -70,13 +71,13 @@ def _programs_of_runs(system: str, programs: dict[str, Target], virtual: bool) -
     return [programs[own if name == NODE and own in programs else name] for name in LIVE_PROGRAMS]
 
 
-def floors_of(base: Path) -> dict[str, Target]:
-    """Name -> each library that CMake builds."""
-    return _targets(base, FLOOR)
+def libraries_of(base: Path) -> dict[str, Target]:
+    """Returns name -> target of each library that CMake builds."""
+    return _targets(base, LIBRARY)
 
 
 def programs_of(base: Path) -> dict[str, Target]:
-    """Name -> each program that CMake builds."""
+    """Returns name -> target of each program that CMake builds."""
     return _targets(base, PROGRAM)
 
 
@@ -85,19 +86,19 @@ def _targets(base: Path, call: re.Pattern[str]) -> dict[str, Target]:
     for path in sorted((base / "systems").rglob("CMakeLists.txt")):
         for name, arguments in call.findall(path.read_text(encoding="utf-8")):
             named = arguments.partition("DEPENDS")[2]
-            found[name] = Target(path.parent, LIBRARY.findall(named))
+            found[name] = Target(path.parent, DEPENDENCY.findall(named))
     return found
 
 
-def below(names: Iterable[str], floors: dict[str, Target]) -> set[str]:
-    """These floors and all that they stand on."""
+def below(names: Iterable[str], libraries: dict[str, Target]) -> set[str]:
+    """Returns these layers and all their transitive dependencies."""
     found: set[str] = set()
     waiting = list(names)
     while waiting:
         name = waiting.pop()
-        if name in floors and name not in found:
+        if name in libraries and name not in found:
             found.add(name)
-            waiting += floors[name].depends
+            waiting += libraries[name].depends
     return found
 
 

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What is segmented in a run: by which network, and for virtual runs the masks that stand for it
-(docs/masks.md)."""
+"""Segmentation of a run: the network and, for virtual runs, its precomputed masks
+(docs/explanation/masks.md)."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
@@ -16,7 +16,7 @@ from slambed.spec.system import Scalar, System
 
 @dataclass(frozen=True)
 class MasksAsked:
-    """What masks hang on besides the sequence."""
+    """The settings that masks depend on besides the sequence."""
 
     network: str
     quality: int
@@ -24,10 +24,11 @@ class MasksAsked:
 
     @classmethod
     def of(cls, system: System, params: Mapping[str, Scalar], label: str) -> Self | None:
-        """What a system with these parameters wants; None where it segments nothing.
+        """Returns the masks that a system with these parameters needs; None if it segments nothing.
 
-        Raises SlambedError for a network that is not known, and for the truth under another name:
-        whoever reads a table must see it."""
+        Raises SlambedError for an unknown network, and for ground-truth masks whose label does not
+        mention them: readers of a table must see that.
+        """
         if system.network_param is None or not params[system.network_param]:
             return None
         network = str(params[system.network_param])
@@ -41,14 +42,15 @@ class MasksAsked:
         return cls(network, int(params["jpeg_quality"]), float(params["n_m"]))
 
     def with_table(self, params: Mapping[str, Scalar]) -> list[Self]:
-        """This, and the same with each other threshold that a system which adapts may ask for."""
+        """Returns these settings, plus copies for the other thresholds that an adaptive system
+        may select."""
         table = str(params.get("table_n_m", "")) if params.get("adapt") else ""
         asked = dict.fromkeys([self.n_m, *map(float, table.split())])
         return [replace(self, n_m=n_m) for n_m in asked]
 
 
 class Masks(BaseModel):
-    """The masks of a run: the network that made them and, once they are made, their file."""
+    """The masks of a run: the network that computes them and, once they exist, their file."""
 
     model_config = ConfigDict(extra="forbid", frozen=True)
 
@@ -56,10 +58,11 @@ class Masks(BaseModel):
     n_m: float
     path: str = ""
     key: str = ""
-    """What the file was made of; path and key are in no run key, the content is."""
+    """Identifies what the file was computed from. Path and key are in no run key; the content
+    is."""
     sha256: str = ""
-    """Of the file; in live runs, which have none, of the network's."""
+    """Digest of the file; in live runs, which have no file, digest of the network."""
 
     def meaning(self) -> dict[str, Any]:
-        """What of them a run means."""
+        """Returns the part of the run key."""
         return {"network": self.network, "n_m": self.n_m, "sha256": self.sha256}

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""An experiment as the runs it stands for."""
+"""Expands an experiment into its runs."""
 
 import math
 from collections.abc import Callable, Mapping
@@ -29,8 +29,8 @@ from slambed.spec.system import Scalar, System
 from slambed.suggestion import suggestion
 
 END_SLACK_S = 1.0
-"""A sequence of 20 s ends with its last frame, a little before 20 s; some are called by a rounded
-length."""
+"""Tolerance for `end_s`: a sequence of 20 s ends with its last frame, shortly before 20 s, and
+some lengths are given rounded."""
 
 
 @dataclass(frozen=True)
@@ -43,40 +43,41 @@ class NamedProfile:
 
 @dataclass(frozen=True)
 class Circumstances:
-    """What an experiment file leaves open and the host decides: what a run means is in the key."""
+    """Facts that the host decides and not the experiment file. Those that change results are in
+    the run key."""
 
     engine: str
     link_backends: Mapping[str, str]
-    """Name of a profile -> the backend it gets on this host."""
+    """Profile name -> link backend on this host."""
     software: str
     datasets: Mapping[str, tuple[str, str]]
     """Name in the experiment -> (id of the dataset found, checksum of its prepared sequence)."""
     played_s: Mapping[str, float] = field(default_factory=dict)
-    """Name of a dataset -> how long it plays, once that is known; in no key."""
+    """Dataset name -> playback duration, once known; in no run key."""
     playbacks: Mapping[str, Playback] = field(default_factory=dict)
-    """Name of a dataset -> how it is played, where its file adds something to the experiment's."""
+    """Dataset name -> playback options, where the dataset's file extends the experiment's."""
     prior_maps: Mapping[str, tuple[str, str]] = field(default_factory=dict)
-    """Name of a dataset -> (path, SHA-256) of the prior map that its file names."""
+    """Dataset name -> (path, SHA-256) of the prior map named in its file."""
     masks: Mapping[tuple[str, MasksAsked], Masks] = field(default_factory=dict)
-    """(name of a dataset, what is asked for) -> the masks made of it."""
+    """(dataset name, requested settings) -> computed masks."""
     references: Mapping[str, str] = field(default_factory=dict)
-    """Name of a dataset -> path of the run that others on it are compared with."""
+    """Dataset name -> path of the run that other runs on this dataset are compared with."""
     software_of: Mapping[str, str] = field(default_factory=dict)
-    """System -> tag of the sources that it really links; `software` where it is not known."""
+    """System -> tag of the sources that it links; `software` where unknown."""
     board: Board | None = None
-    """What executes the mobile nodes, where the experiment asks for one and somebody has looked."""
+    """The machine of the mobile nodes, if the experiment selects one and it has been contacted."""
     host_speed: float | None = None
-    """As `slambed calibrate --host` measured it when the campaign began."""
+    """Core speed measured by `slambed calibrate --host`, read when the campaign began."""
 
 
 ProfileReader = Callable[[str | float | dict[str, Any], str], NamedProfile]
-"""(profile as written, where it is written) -> checked profile."""
+"""(profile as written, its place in the file) -> checked profile."""
 
 
 def read_profiles(
     experiment: Experiment, source: YamlSource, reader: ProfileReader
 ) -> list[NamedProfile]:
-    """All profiles of the experiment, checked."""
+    """Returns all checked profiles of the experiment."""
     if experiment.link is None:
         return []
     profiles: list[NamedProfile] = []
@@ -90,7 +91,7 @@ def read_profiles(
 
 
 def needs_link(experiment: Experiment, library: Library) -> bool:
-    """True when any of the systems has an edge node."""
+    """Returns whether any of the systems has an edge node."""
     return any(library.system(choice.system).has_edge for choice in experiment.systems)
 
 
@@ -102,7 +103,7 @@ def expand(
     host: Circumstances,
     runs: int,
 ) -> list[RunSpec]:
-    """Every run, in the order of the file: system, dataset, profile, repetition."""
+    """Returns all runs in the order of the file: system, dataset, profile, repetition."""
     specs: list[RunSpec] = []
     _end_must_be_inside(experiment, source, host)
     board = chosen_board(experiment, source, host.engine, host.board)
@@ -144,7 +145,7 @@ def expand(
         boards = live and any(d is not None and d.board for d in (mobile, edge))
         for dataset in experiment.datasets:
             if dataset not in host.datasets:
-                continue  # left out, see Experiment.missing_datasets
+                continue  # skipped, see Experiment.missing_datasets
             found, checksum = host.datasets[dataset]
             masks = [
                 host.masks.get((dataset, want), Masks(network=want.network, n_m=want.n_m))
@@ -189,8 +190,8 @@ def expand(
                             faults=faults,
                             engine=host.engine,
                             pace=DEVICE_PACE if paced else HOST_PACE,
-                            # The same repetition has the same seed in every cell: cells differ
-                            # in what is compared and in nothing else.
+                            # A repetition has the same seed in every cell, so that cells differ
+                            # only in what is compared.
                             seed=experiment.seed + repetition,
                             software=host.software_of.get(system.name, host.software),
                             host_speed=host.host_speed if boards else None,
@@ -204,7 +205,7 @@ def expand(
 
 
 def must_be_playable(system: System, engine: str) -> None:
-    """Raises SlambedError where this engine is none for a program of its own."""
+    """Raises SlambedError if this engine cannot execute a system with its own program."""
     if system.runtime is None:
         return
     if system.runtime.gpus and engine == LOCAL:
@@ -220,12 +221,12 @@ def must_be_playable(system: System, engine: str) -> None:
 
 
 def folder_of(system: System, named: str, library: Library) -> str:
-    """Where a program of its own lies; empty for a system of ours."""
+    """Folder of a system with its own program; empty for a built-in system."""
     return "" if system.runtime is None else str(library.system_file(named).parent)
 
 
 def label_of(choice: SystemChoice, system: System) -> str:
-    """What a row is called in tables: as the file says, else by system and variant."""
+    """Returns the row name in tables: the label in the file, or else system and variant."""
     if choice.label:
         return choice.label
     variant = system.choose_variant(choice.variant)
@@ -275,7 +276,8 @@ def _faults(
     place: Location,
     host: Circumstances,
 ) -> list[Fault]:
-    """Of the system where it has its own, else of the experiment; none without an edge."""
+    """Returns the faults of the system or else of the experiment; none for a system without an
+    edge."""
     own = choice.faults is not None
     faults = choice.faults if choice.faults is not None else experiment.faults
     at: Location = (*place, "faults") if own else ("faults",)
@@ -296,15 +298,17 @@ def _faults(
 
 
 def _playback_end_s(playback: Playback, host: Circumstances) -> float:
-    """Run time at which the shortest playback is over, as far as that is known already."""
+    """Returns the run time at which the shortest playback ends, as far as known; otherwise
+    infinity."""
     if playback.mode != "realtime":
-        return math.inf  # a frame may take as long as it wants
+        return math.inf  # a frame may take arbitrarily long
     asked = [] if playback.end_s is None else [playback.end_s - playback.start_s]
     return min([*asked, *host.played_s.values()], default=math.inf)
 
 
 def _end_must_be_inside(experiment: Experiment, source: YamlSource, host: Circumstances) -> None:
-    """An end after that of the sequence is a slip. What stands in for a sequence may be shorter."""
+    """Rejects an end beyond that of the sequence as a mistake. A stand-in for a sequence may be
+    shorter."""
     playback = experiment.playback
     if playback.end_s is None:
         return

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""systems/*/parameters.hpp: the parameters of a system.yaml as its C++ takes them, written by
-`python -m slambed.document`. Who builds the programs needs neither Python packages nor YAML."""
+"""systems/*/parameters.hpp: C++ declarations of a system's parameters, written by `python -m
+slambed.document`. The C++ build therefore needs neither Python packages nor YAML."""
 
 import json
 
@@ -11,8 +11,8 @@ MADE = {"int": "integer", "float": "real", "bool": "boolean", "str": "choice", "
 
 
 def parameter_header(system: System) -> str:
-    """Types, ranges and choices of all parameters that nodes are given. No defaults: run.json
-    carries every value."""
+    """Returns types, ranges and choices of all parameters that nodes receive. Defaults are left
+    out: run.json holds every value."""
     specs = "".join(
         f"      ParameterSpec::{_spec(name, parameter)},\n"
         for name, parameter in system.params.items()

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""One run: everything that it needs, and the key that hashes what it means."""
+"""One run: everything that it needs, and the key that identifies it."""
 
 import hashlib
 import json
@@ -31,7 +31,7 @@ class LinkSpec(BaseModel):
 
 
 class RunSpec(BaseModel):
-    """Everything one run needs; nothing else may influence its result."""
+    """Everything that one run needs; no other setting may influence its result."""
 
     model_config = ConfigDict(extra="forbid", frozen=True)
 
@@ -47,41 +47,42 @@ class RunSpec(BaseModel):
     inputs: dict[str, str] = Field(default_factory=dict)
     """Parameter that names an input file -> SHA-256 of the file."""
     masks: Masks | None = None
-    """What is segmented, and for virtual runs the file of the masks."""
+    """Segmentation of the run and, for virtual runs, the mask file."""
     further_masks: list[Masks] = Field(default_factory=list)
-    """The same with other thresholds, of a system that changes its threshold."""
+    """Masks for the other thresholds of a system that adapts its threshold."""
     edge_inputs: list[str] = Field(default_factory=list)
-    """Those that only the edge is given; in no key."""
+    """Inputs that only the edge receives; in no run key."""
     runtime: Runtime | None = None
-    """How a system that is a program of its own is started; `software` stands for it in the key."""
+    """How a system with its own program is started; `software` represents it in the run key."""
     system_folder: str = ""
-    """Where such a system lies; in no key."""
+    """Folder of such a system; in no run key."""
     reference: str = ""
-    """Path that this run's is compared with: it judges the run and is in no key."""
+    """Path of the run that this one is compared with. It only judges the run and is in no run
+    key."""
     dataset: str
     sequence_checksum: str
     playback: Playback
     device_mobile: Device
     device_edge: Device | None
     board: Board | None = None
-    """The machine that executes the mobile node, where it is not this one."""
+    """The machine of the mobile node, if it is not this one."""
     profile: str | None
     link: LinkSpec | None
     faults: list[Fault] = Field(default_factory=list)
     engine: str
     pace: Pace = HOST_PACE
-    """Of a live run: whose compute times its stages take."""
+    """For a live run: whether stages take the host's or the device's compute times."""
     seed: int
     software: str
     host_speed: float | None = None
-    """Speed of the host's cores that the limits of a board were derived with; None without one, and
-    where each of several hosts has its own: those runs mean the board, on whatever host."""
+    """Core speed of the host that the limits of a board were derived with. None without a board,
+    and where each of several hosts has its own speed: those runs emulate the board on any host."""
     tolerances: Tolerances
 
     def meaning(self) -> dict[str, Any]:
-        """What the run means. Experiment, cell and label are only names for it, tolerances judge
-        it afterwards."""
-        # A run without these keeps the key it had before there were any.
+        """Returns what identifies the run. Experiment, cell and label only name it; tolerances
+        only judge it afterwards."""
+        # A run without these options keeps the key it had before they were introduced.
         further: dict[str, Any] = {"faults": as_json(self.faults)} if self.faults else {}
         if self.host_speed is not None:
             further["host_speed"] = self.host_speed
@@ -96,7 +97,7 @@ class RunSpec(BaseModel):
         return further | {
             "system": self.system,
             "variant": self.variant,
-            # A file is its content, wherever it lies.
+            # A file counts by its content, wherever it is stored.
             "params": self.params | self.inputs,
             "sequence": self.sequence_checksum,
             "playback": self.playback.meaning(),
@@ -114,27 +115,27 @@ class RunSpec(BaseModel):
 
     @property
     def paced(self) -> bool:
-        """A live run at its devices' pace."""
+        """True for a live run at the pace of its devices."""
         return self.pace == DEVICE_PACE
 
     @property
     def run_name(self) -> str:
-        """Cell and number of the repetition, from 1."""
+        """Cell and repetition number, counted from 1."""
         return run_name(self.cell, self.repetition)
 
     @property
     def run_key(self) -> str:
-        """Hash of `meaning()`: the name of the run's folder."""
+        """Hash of `meaning()`, which also names the run's folder."""
         return hashlib.sha256(canonical_json(self.meaning()).encode()).hexdigest()[:KEY_DIGITS]
 
 
 def run_name(cell: object, repetition: object) -> str:
-    """What a run is called where people read it: `edgeslam:static/room/ramp #1`."""
+    """Returns the name of a run in tables and messages: `edgeslam:static/room/ramp #1`."""
     if not isinstance(repetition, Real) or not math.isfinite(repetition):
-        return str(cell)  # nobody wrote down which one
+        return str(cell)  # the repetition was not recorded
     return f"{cell} #{float(repetition) + 1:.0f}"
 
 
 def canonical_json(value: object) -> str:
-    """One spelling per value: sorted keys, no spaces, no NaN."""
+    """Returns the unique JSON text of a value: sorted keys, no spaces, no NaN."""
     return json.dumps(value, sort_keys=True, separators=(",", ":"), allow_nan=False)

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""`runtime:` of system.yaml: how a system that is a program of its own is started.
+"""`runtime:` of system.yaml: how a system with its own program is started.
 
-Its software is what the section says, the files of its folder, and, in a container, its image.
+Its software tag covers this section, the files of its folder and, in a container, its image.
 """
 
 import hashlib
@@ -17,7 +17,7 @@ from slambed.errors import SlambedError
 
 STRICT = ConfigDict(extra="forbid", frozen=True, strict=True, allow_inf_nan=False)
 DIGEST_DIGITS = 12
-# None of these changes what a system does.
+# None of these changes the behavior of a system.
 LEFT_OUT_FOLDERS = {"__pycache__", ".git"}
 LEFT_OUT_SUFFIXES = {".md", ".yaml", ".yml", ".pyc"}
 SYSTEM_IN_CONTAINER, PLAYER_IN_CONTAINER = "/system", "/slambed"
@@ -25,7 +25,7 @@ PLAYERS_FILES = {
     "events.jsonl", "log.txt", "map.slm", "node.json", "ready.json", "trajectory.txt",
     "trajectory_live.txt",
 }  # fmt: skip
-"""Of a node's output folder."""
+"""Files that slambed-play writes into a node's output folder."""
 OF_A_FOLDER = {"reads", "trajectory", "trajectory_format"}
 
 
@@ -34,52 +34,59 @@ Gpu = (
     | Annotated[int, Field(ge=1)]
     | Annotated[list[Annotated[str, Field(min_length=1)]], Field(min_length=1)]
 )
-"""All of them, how many, or these (numbers or UUIDs of nvidia-smi)."""
+"""All GPUs, a number of GPUs, or a list of ids (numbers or UUIDs of nvidia-smi)."""
 
 
 class RoleRuntime(BaseModel):
-    """One role of a system that is a program of its own."""
+    """One role of a system with its own program."""
 
     model_config = STRICT
 
     command: list[str] = Field(min_length=1)
-    """Program and arguments; starts in the system's folder. `{folder}` is that folder."""
+    """Program and arguments, started in the system's folder. `{folder}` is replaced by that
+    folder."""
     image: str = ""
-    """Of engine docker, instead of the one for all roles."""
+    """Engine docker: image of this role; replaces the common one."""
     env: dict[str, str] = Field(default_factory=dict)
+    """Name -> value of environment variables."""
     tmpfs: dict[str, int] = Field(default_factory=dict)
-    """Engine docker: folder -> MB that can be written there."""
+    """Engine docker: path of a writable tmpfs -> its size in MB."""
     user: str = ""
-    """Engine docker: instead of a number that owns nothing."""
+    """Engine docker: user of the process; the default is a numeric id that owns no files."""
     gpu: Gpu | None = None
-    """Engine docker: GPUs that the container gets: `all`, how many, or a list of their ids."""
+    """Engine docker: GPUs of the container: `all`, a number, or a list of ids."""
     client: bool = True
-    """It speaks to slambed-play by one of its clients; an edge need not."""
+    """Whether the program talks to slambed-play through one of its client libraries; an edge
+    need not."""
 
 
 class Runtime(BaseModel):
-    """How both roles are started."""
+    """How the programs of both roles are started."""
 
     model_config = STRICT
 
     image: str = ""
-    """Name, or name@sha256:..., of an image that this host has; its id is part of run keys."""
+    """Name, or name@sha256:..., of an image on this host; its id is part of run keys."""
     files: list[str] = Field(default_factory=list)
-    """Files outside of the folder that belong to the software: a binary, a vocabulary."""
+    """Files outside the folder that belong to the software, such as a binary or a vocabulary."""
     ready_s: float = Field(default=30.0, gt=0, le=3600)
-    """Longest time from its start until it says that it is ready."""
+    """Timeout from the start until the program reports that it is ready."""
     reads: Layout | None = None
-    """The mobile role reads a recorded folder of this layout, instead of frames of the player."""
+    """Layout of the recorded folder that the mobile role reads instead of frames from
+    slambed-play."""
     trajectory: str = Field(default="", pattern=r"^([A-Za-z0-9][A-Za-z0-9_.-]*)?$")
-    """Where it reads a folder: the file with its poses that it leaves in $SLAMBED_OUTPUT."""
+    """For a system that reads a folder: the pose file that it writes to $SLAMBED_OUTPUT."""
     trajectory_format: Literal["tum", "kitti"] = "tum"
-    """`time tx ty tz qx qy qz qw`, or twelve numbers for each frame, camera to world."""
+    """tum: `time tx ty tz qx qy qz qw`; kitti: 12 numbers per frame, camera to world."""
     mobile: RoleRuntime
+    """Program of the mobile node."""
     edge: RoleRuntime | None = None
+    """Program of the edge; given exactly where `roles` has one."""
 
     @model_validator(mode="after")
     def _has_one_way_to_its_frames(self) -> "Runtime":
-        # By their values: a runtime that was written down whole has all fields and is read back.
+        # Values are compared with their defaults because a fully written runtime has all fields
+        # when it is read back.
         fields = type(self).model_fields
         extra = {n for n in OF_A_FOLDER - {"reads"} if getattr(self, n) != fields[n].default}
         if self.reads is None and extra:
@@ -91,7 +98,8 @@ class Runtime(BaseModel):
             )
         if self.reads is None:
             return self
-        # A default that was written down with all others, as in experiment.json, is nobody's wish.
+        # A default that was written with all other fields, as in experiment.json, is no choice of
+        # the user.
         given = self.mobile.model_fields_set
         by_hand = "client" in given and given != set(type(self.mobile).model_fields)
         if by_hand and self.mobile.client:
@@ -103,31 +111,32 @@ class Runtime(BaseModel):
         return self
 
     def has_client(self, role: str) -> bool:
-        """Whether the role's program speaks to slambed-play."""
+        """Returns whether the role's program talks to slambed-play."""
         return self.of(role).client and not (role == "mobile" and self.reads is not None)
 
     def of(self, role: str) -> RoleRuntime:
-        """The role's part."""
+        """Returns the settings of the role."""
         part = self.edge if role == "edge" else self.mobile
         assert part is not None
         return part
 
     @property
     def gpus(self) -> list[Gpu]:
-        """What its roles ask for."""
+        """GPUs that the roles request."""
         parts = (self.mobile, self.edge)
         return [part.gpu for part in parts if part is not None and part.gpu is not None]
 
     def image_of(self, role: str) -> str:
-        """Name of the role's image; empty without one."""
+        """Returns the image name of the role; empty without one."""
         return self.of(role).image or self.image
 
 
 def foreign_digest(runtime: Runtime, folder: Path, images: Mapping[str, str]) -> str:
-    """SHA-256 (12 hex digits) of a system's software: its runtime section, the files of its folder,
-    those that it names, its programs, and the ids of its images. Raises SlambedError for files that
-    are not there."""
-    # Runs of systems that read no folder, or ask for no GPU, keep the keys they had before any did.
+    """Returns SHA-256 (12 hex digits) of a system's software: its runtime section, the files of
+    its folder, the files it names, its programs and its image ids. Raises SlambedError for
+    missing files."""
+    # Systems that read no folder or request no GPU keep the run keys from before these options
+    # existed.
     unused = OF_A_FOLDER if runtime.reads is None else set()
     left_out: dict[str, Any] = dict.fromkeys(("ready_s", *unused), True)
     for role in ("mobile", "edge"):
@@ -139,7 +148,7 @@ def foreign_digest(runtime: Runtime, folder: Path, images: Mapping[str, str]) ->
     parts = [("folder", path.relative_to(folder).as_posix(), path) for path in _files(folder)]
     parts += [("file", path.name, path) for path in named]
     if not images:
-        # In a container the image has the programs.
+        # In a container the image contains the programs.
         parts += [("program", path.name, path) for path in _programs(runtime, folder)]
     for kind, name, path in parts:
         try:

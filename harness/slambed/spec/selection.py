@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Which runs somebody means: `--only` and `--force` of run, `--a` and `--b` of diff.
+"""Selection of runs: `--only` and `--force` of run, `--a` and `--b` of diff.
 
-A cell (`*/rtt_40`; `*` is any text), or what its runs have: `system=edgeslam`, and several such
-with commas between, all of which must hold: `system=edgeslam,link=rtt_*`.
+A selection is a cell name (`*/rtt_40`; `*` matches any text) or a property such as
+`system=edgeslam`. Comma-separated properties must all hold: `system=edgeslam,link=rtt_*`.
 """
 
 import re
@@ -15,26 +15,26 @@ from slambed.errors import SlambedError
 CELL = "cell"
 PARAMS = "params."
 KEYS = ("system", "variant", "label", "dataset", "link", "device", "edge", "engine", "pace")
-"""What a selection may name besides a cell; and `params.<name>`."""
+"""Properties that a selection may test besides the cell name and `params.<name>`."""
 SYNTAX = f"a cell (* is any text), or KEY=VALUE,... of {', '.join(KEYS)}, {PARAMS}NAME"
 NO_LINK, NO_EDGE = "no link", "no edge"
 _KEY = rf"(?:{'|'.join(KEYS)}|params\.\w+)="
 
 Facts = Mapping[str, tuple[str, ...]]
-"""What a run is called, by key; it may have several names (a system with and without variant)."""
+"""Names of a run by property; one property may have several (a system with and without variant)."""
 
 
 @dataclass(frozen=True)
 class Selection:
-    """One of these, as it was written."""
+    """One selection, with the text it was parsed from."""
 
     text: str
     conditions: tuple[tuple[str, str], ...]
-    """(key, pattern); all must hold."""
+    """(property, pattern) pairs; all must match."""
 
     @classmethod
     def of(cls, text: str) -> "Selection":
-        """A name that has no known key is one of a cell."""
+        """Parses a selection; text without a known key is a cell name."""
         if re.match(_KEY, text) is None:
             return cls(text, ((CELL, text),))
         parts = (part.partition("=") for part in re.split(rf",\s*(?={_KEY})", text))
@@ -42,18 +42,19 @@ class Selection:
 
     @property
     def keys(self) -> frozenset[str]:
-        """What it is about."""
+        """The properties that the selection tests."""
         return frozenset(key for key, _ in self.conditions)
 
     def holds(self, facts: Facts) -> bool:
-        """Whether a run is meant."""
+        """Returns whether the selection matches a run."""
         return all(
             any(fnmatchcase(name, pattern) for name in facts.get(key, ()))
             for key, pattern in self.conditions
         )
 
     def missed(self, runs: list[Facts], option: str) -> SlambedError:
-        """That it means none of these: which of its words does not, and what there is."""
+        """Returns the error for a selection that matches no run: the failing condition and the
+        known values."""
         for key, pattern in self.conditions:
             known = list(dict.fromkeys(name for facts in runs for name in facts.get(key, ())))
             if not any(fnmatchcase(name, pattern) for name in known):
@@ -68,8 +69,8 @@ class Selection:
 
 
 def meant(runs: list[Facts], texts: Iterable[str], option: str) -> list[bool]:
-    """For each run whether one of the selections means it; all where there is none. Raises
-    SlambedError for one that means no run."""
+    """Returns for each run whether any selection matches it; without selections all match.
+    Raises SlambedError for a selection that matches no run."""
     selections = [Selection.of(text) for text in texts]
     for selection in selections:
         if not any(selection.holds(facts) for facts in runs):
@@ -90,7 +91,7 @@ def facts_of(
     pace: str | None,
     params: Mapping[str, object],
 ) -> dict[str, tuple[str, ...]]:
-    """What a run is called, whether it is still to be executed or was."""
+    """Returns the properties of a planned or finished run."""
     found: dict[str, tuple[str, ...]] = {
         CELL: (cell,),
         "system": (system, f"{system}:{variant}"),

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""`params_from:` of a system.yaml: parameters that several systems have are written once."""
+"""`params_from:` of a system.yaml: parameters that several systems share."""
 
 from typing import Any
 
@@ -9,10 +9,11 @@ KEY = "params_from"
 
 
 def with_shared_params(source: YamlSource) -> YamlSource:
-    """The same description with the parameters of the file that `params_from` names (a path seen
-    from this one), behind its own. What it says of one of them replaces those fields alone.
+    """Returns the description with its own parameters followed by those of the file that
+    `params_from` names (relative to this file). Fields given for a shared parameter override only
+    those fields.
 
-    Raises SlambedError where that file is missing or holds no parameters.
+    Raises SlambedError if that file is missing or holds no parameters.
     """
     data = source.data
     if not isinstance(data, dict) or KEY not in data:

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Which C++ sources a node is made of: part of a run's key and of the image's tag.
+"""Which C++ sources a node is built from: part of the run key and of the image's tag.
 
-What builds the programs calls this before there are any packages: the standard library must do.
+The build calls this module before any packages are installed, so it uses the standard library only.
 """
 
 import hashlib
@@ -18,16 +18,16 @@ from slambed.native import SIMULATION, find_program, how_to_build, repository_ro
 from slambed.spec.linked import linked_hash
 
 ROOTS = ("CMakeLists.txt", "cmake", "systems", "docker")
-# None of these changes what a node does.
+# None of these changes the behavior of a node.
 LEFT_OUT_FOLDERS = {"tests", "bench", "__pycache__"}
 LEFT_OUT_SUFFIXES = {".md", ".yaml"}
 STAMP = "sources.sha256"
 MACHINE = "@"
-"""Between sources and machine in the tag of a virtual run's software."""
+"""Separates sources and machine in the software tag of a virtual run."""
 
 
 def source_hash(root: Path | None = None) -> str:
-    """SHA-256 (12 hex digits) over names and bytes of everything a node is built from."""
+    """Returns SHA-256 (12 hex digits) over names and bytes of all sources of a node."""
     base = root or repository_root()
     digest = hashlib.sha256()
     for path in sorted(_sources(base)):
@@ -49,17 +49,18 @@ def _sources(base: Path) -> Iterator[Path]:
 
 
 def image_software(root: Path | None = None) -> str:
-    """Software tag of runs in the image that belongs to the sources of this checkout."""
+    """Returns the software tag of runs in the image built from this checkout."""
     return f"{__version__}+{source_hash(root)}"
 
 
 def host_software(root: Path | None = None, program: str = "slambed-node") -> str:
-    """Software tag of runs with the programs built on this host.
+    """Returns the software tag of runs with the programs built on this host.
 
-    `make build` leaves a stamp beside the programs. A stamp of other sources means the programs
-    are stale; programs without one (a developer's own build) are named by their own bytes.
-    A virtual run's tag goes on with what the simulation was compiled for, by what and with which
-    libraries: the same sources give the same bytes where these are the same (docs/virtual.md).
+    `make build` leaves a stamp next to the programs. A stamp of other sources means that the
+    programs are stale; programs without a stamp (a developer's own build) are identified by a hash
+    of their bytes. The tag of a virtual run also names the target, the compiler and the libraries
+    of the simulation: results are bit-identical only where these are the same too
+    (docs/explanation/virtual-time.md).
     """
     path = find_program(program)
     stamp = path.parent / STAMP
@@ -73,7 +74,8 @@ def host_software(root: Path | None = None, program: str = "slambed-node") -> st
 
 @cache
 def _machine(simulation: Path, _mtime_ns: int) -> str:
-    """`@x86_64-sse2-gcc12.2.0-...`, as the program says it. Once for a campaign, not for a run."""
+    """Returns `@x86_64-sse2-gcc12.2.0-...` as the program reports it, cached for the whole
+    campaign."""
     try:
         done = subprocess.run([simulation, "--machine"], capture_output=True, check=True)
         facts: dict[str, str] = json.loads(done.stdout)
@@ -87,9 +89,9 @@ def _machine(simulation: Path, _mtime_ns: int) -> str:
 def software_of_systems(
     software: str, systems: Iterable[str], root: Path | None = None
 ) -> dict[str, str]:
-    """System -> tag of the sources that its runs link, where `software` is that of this checkout,
-    live or virtual (a virtual one names its machine); for programs of unknown sources nothing more
-    is known than their own name."""
+    """Returns system -> tag of the sources that its runs link, if `software` is that of this
+    checkout. A virtual tag includes the machine. Returns nothing for programs of unknown
+    sources."""
     sources, at, machine = software.partition(MACHINE)
     if sources != image_software(root):
         return {}

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""`stages:` of a system.yaml: work of a system's own, and the stage whose cost it has."""
+"""`stages:` of a system.yaml: a system's own stages and the stages whose cost they inherit."""
 
 from collections.abc import Mapping
 from typing import Literal
@@ -11,22 +11,23 @@ from slambed.suggestion import suggestion
 
 
 class OwnStage(BaseModel):
-    """A stage that no device has to know: it costs what another one costs, times a factor."""
+    """A stage that device files need not list: it costs as much as another stage, times a
+    factor."""
 
     model_config = ConfigDict(extra="forbid", frozen=True, strict=True, allow_inf_nan=False)
 
     doc: str
+    """What is done in the stage."""
     cost_as: str
-    """A stage of the devices, or another one of the system's."""
+    """A stage of the device files, or another stage of this system."""
     factor: float = Field(default=1.0, gt=0, le=1e6)
-    """Of the fixed part and of the prices of n1 and n2; jitter and accelerator are inherited as
-    they are."""
+    """Scales a, b and c of the cost; jitter and accelerator are inherited unchanged."""
     role: Literal["mobile", "edge"] | None = None
-    """The only node that does this work; both if not given."""
+    """The only node that executes this stage; both if not given."""
 
 
 def check_stages(stages: Mapping[str, OwnStage]) -> None:
-    """ValueError where stages inherit from each other in a circle."""
+    """Raises ValueError if stages inherit from each other in a cycle."""
     for name in stages:
         line = [name]
         while (base := stages[line[-1]].cost_as) in stages:
@@ -38,10 +39,10 @@ def check_stages(stages: Mapping[str, OwnStage]) -> None:
 def costs_with(
     stages: Mapping[str, OwnStage], costs: Mapping[str, StageCost], role: str
 ) -> dict[str, StageCost]:
-    """The costs of a device and those that a system's own stages inherit from them. A stage that
-    the device has a cost for keeps it: what was fitted goes before what stands in for it.
+    """Returns the costs of a device plus those that a system's own stages inherit. A cost fitted
+    for the device takes precedence over an inherited one.
 
-    ValueError where a stage inherits from one that the device has no cost for.
+    Raises ValueError if a stage inherits from one that the device has no cost for.
     """
     found = dict(costs)
 

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""`grid:` and `--set`: what an experiment's file leaves to be varied, put in before it is checked.
+"""`grid:` and `--set`: parameter sweeps and overrides, applied before the experiment is checked.
 
-A cell of a grid is the cell that somebody would have written by hand: a run's key does not know
-how its parameters came to be written.
+A grid point is identical to a cell written by hand: the run key does not depend on how parameters
+were written.
 """
 
 import re
@@ -23,12 +23,12 @@ RTT = "link.rtt_ms"
 OF_A_SYSTEM = ("variant", "devices.mobile", "devices.edge")
 ADVICE = f"a grid varies {PARAMS}<name>, {', '.join(OF_A_SYSTEM)}"
 SLOT = re.compile(r"\{(\w+)\}")
-"""Where a label has the value of a point: `{n_orb}` for params.n_orb, `{mobile}` for a device."""
+"""Placeholder in a label: `{n_orb}` for the value of params.n_orb, `{mobile}` for a device."""
 
 
 def swept(source: YamlSource) -> YamlSource:
-    """The same experiment with its grids written out: every system once per point of its own, or
-    else of the experiment's."""
+    """Expands the grids: each system appears once per point of its own grid, or else of the
+    experiment's."""
     data = source.data
     entries = data.get("systems") if isinstance(data, dict) else None
     entries = entries if isinstance(entries, list) else []
@@ -53,8 +53,8 @@ def swept(source: YamlSource) -> YamlSource:
 
 
 def changed(source: YamlSource, settings: list[str]) -> YamlSource:
-    """With `key=value` of the command line: a key of the file (`playback.end_s`), or
-    `params.<name>` of every system. Raises SlambedError for what is no such pair."""
+    """Applies `key=value` of the command line to a key of the file (`playback.end_s`) or to
+    `params.<name>` of every system. Raises SlambedError for malformed settings."""
     if not settings or not isinstance(source.data, dict):
         return source
     data = deepcopy(source.data)
@@ -80,7 +80,7 @@ def _has_grid(item: Any) -> bool:
 
 
 def _checked(source: YamlSource, grid: Any, at: Location, *further: str) -> dict[str, list[Any]]:
-    """Keys and values of a grid, which may vary `further` keys than a system's."""
+    """Checks a grid and returns it; `further` are allowed keys besides those of a system."""
     advice = ", ".join((ADVICE, *further))
     if not isinstance(grid, dict) or not grid:
         raise source.complaint("expected keys with lists of values", at, advice)
@@ -98,9 +98,9 @@ def _checked(source: YamlSource, grid: Any, at: Location, *further: str) -> dict
 
 
 def _points(source: YamlSource, index: int, entry: Any, grid: dict[str, list[Any]]) -> list[Any]:
-    """An entry of `systems` at every point of its own grid, or of the experiment's."""
+    """Returns an entry of `systems` at every point of its own grid, or else of the experiment's."""
     if not isinstance(entry, dict):
-        return [entry]  # reported by who checks the systems
+        return [entry]  # an error that the check of the systems reports
     if GRID in entry:
         grid = _checked(source, entry[GRID], ("systems", index, GRID))
         entry = {key: value for key, value in entry.items() if key != GRID}
@@ -113,7 +113,7 @@ def _points(source: YamlSource, index: int, entry: Any, grid: dict[str, list[Any
 
 
 def _at(source: YamlSource, index: int, entry: dict[str, Any], point: dict[str, Any]) -> Any:
-    """A system at one point of the grid, with a label that names the point."""
+    """Returns a system at one grid point, with a label that names the point."""
     made = deepcopy(entry)
     values = {}
     for key, value in point.items():
@@ -149,7 +149,7 @@ def _put(data: dict[str, Any], path: list[str], value: Any, setting: str) -> Non
 
 
 def _move(lines: dict[Location, int], source: YamlSource, old: Location, new: Location) -> None:
-    """Complaints about what was written out name the line that it was written at."""
+    """Copies line numbers, so that complaints about expanded entries name the original line."""
     for place in [place for place in lines if place[: len(new)] == new]:
         del lines[place]
     for place, line in source.lines.items():

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""systems/<name>/system.yaml: roles, channels and parameters of a system (docs/systems.md)."""
+"""systems/<name>/system.yaml: roles, channels, parameters (docs/reference/system.md)."""
 
 from collections.abc import Mapping
 from typing import Literal
@@ -21,23 +21,31 @@ KINDS: dict[str, type] = {
 
 
 class Parameter(BaseModel):
-    """One knob of a system: its type, range, default and where the value comes from."""
+    """One parameter of a system: its type, range, default and the source of its value."""
 
     model_config = STRICT
 
     type: Literal["int", "float", "bool", "str", "path", "network"]
-    """`path`: of an input file, empty for none; its content is what matters to a run. `dataset`
-    stands for the prior map that the dataset's file names. `network`: of catalog/networks/, empty
-    for none; the harness has it segment the pictures (docs/masks.md), and no node is given it."""
+    """`path`: an input file, empty for none; only its content is in the run key, and `dataset`
+    selects the prior map that the dataset's file names. `network`: a network of catalog/networks/,
+    empty for none; the harness runs the segmentation (docs/explanation/masks.md), and nodes do not
+    receive this parameter."""
     role: Role | None = None
-    """Of a path: the only node that is given the file; both if not given."""
+    """For a path: the only node that receives the file; both if not given."""
     default: Scalar
+    """Value where neither variant nor experiment gives one."""
     min: int | float | None = None
+    """Smallest value, itself allowed; of numbers only."""
     max: int | float | None = None
+    """Largest value, itself allowed; of numbers only."""
     choices: list[Scalar] | None = None
+    """All values that are allowed."""
     unit: str = ""
+    """Unit of the value, for tables."""
     source: str = ""
+    """Where the value comes from."""
     doc: str = ""
+    """What it does."""
 
     @model_validator(mode="after")
     def _default_is_legal(self) -> "Parameter":
@@ -47,7 +55,7 @@ class Parameter(BaseModel):
         return self
 
     def check(self, value: object) -> Scalar:
-        """The value in this parameter's type; ValueError says why it is refused."""
+        """Returns the value in this parameter's type. Raises ValueError if it is not allowed."""
         wanted = KINDS[self.type]
         if wanted is float and type(value) is int:
             value = float(value)
@@ -67,33 +75,44 @@ class Parameter(BaseModel):
 
 
 class OwnMetric(BaseModel):
-    """A number of the system's own that its events hold; summary.json has it for its runs."""
+    """A metric that a system defines from its own events; it appears in summary.json of the
+    system's runs."""
 
     model_config = STRICT
 
     doc: str
+    """What it measures."""
     event: str
-    """Type of the events it is taken from."""
+    """Type of the events that it is computed from."""
     take: Literal["count", "seconds", "sum", "mean", "median", "p95", "min", "max", "last", "rate"]
-    """`seconds`: playback from each such event until the next one of its type. `rate`: how often in
-    a second something happens that takes the mean of this field, in ms, each time."""
+    """`seconds`: sums the playback time from each such event to the next of its type. `rate`:
+    the rate in Hz of work that takes the mean of this field, in ms."""
     field: str = ""
-    """Of the event; none for `count` and `seconds`."""
+    """Field of the event; empty for `count` and `seconds`."""
     node: Role | None = None
+    """Node whose events count; null: both."""
     where: dict[str, Scalar | list[Scalar]] = Field(default_factory=dict)
-    """Only events whose fields have this value (one of these values) ..."""
+    """Uses only events whose fields have this value (or one of these values) ..."""
     unless: dict[str, Scalar | list[Scalar]] = Field(default_factory=dict)
-    """... and none of these."""
+    """... and excludes events with these values."""
     label: str = ""
+    """Name in tables and figures; empty: the key in words."""
     unit: str = ""
+    """Unit of the stored value."""
     shown: str = ""
-    """Unit in tables and figures, `scale` times the stored one."""
+    """Unit in tables and figures; the stored value is multiplied by `scale`."""
     scale: float = 1.0
+    """What the stored value is multiplied by for tables."""
     digits: int = Field(default=1, ge=0, le=9)
+    """Decimals in tables."""
     better: Literal["lower", "higher", "neither"] = "neither"
+    """Which direction is better."""
     relevant_share: float = Field(default=0.10, ge=0)
+    """Smallest change of the median, as a share, that the gate reports."""
     relevant_step: float = Field(default=0.0, ge=0)
+    """Smallest change of the median, in the stored unit, that the gate reports."""
     gated: bool = False
+    """Whether the regression gate judges it."""
 
     @model_validator(mode="after")
     def _takes_what_is_there(self) -> "OwnMetric":
@@ -103,13 +122,16 @@ class OwnMetric(BaseModel):
 
 
 class Variant(BaseModel):
-    """A named set of defaults."""
+    """A named set of parameter defaults."""
 
     model_config = STRICT
 
     title: str = ""
+    """One line for lists."""
     doc: str = ""
+    """What a reader must know."""
     params: dict[str, Scalar] = Field(default_factory=dict)
+    """Parameter -> value, instead of its default."""
 
 
 class System(BaseModel):
@@ -118,19 +140,27 @@ class System(BaseModel):
     model_config = STRICT
 
     name: str
+    """Name of the system, as of its folder."""
     title: str
+    """Name in tables and figures."""
     roles: list[Role]
+    """`[mobile]`, or `[mobile, edge]`."""
     channels: list[str] = Field(default_factory=list)
+    """Names of the TCP channels between the nodes; a system on slambed's modules has `control`."""
     sensors: list[Literal["rgbd", "stereo", "mono"]] = ["rgbd"]
+    """Sequences that it can play."""
     params: dict[str, Parameter] = Field(default_factory=dict)
+    """Name -> parameter that an experiment can set."""
     variants: dict[str, Variant] = Field(default_factory=dict)
+    """Name -> defaults of that variant; the first one is taken where none is named."""
     metrics: dict[str, OwnMetric] = Field(default_factory=dict)
-    """By key of summary.json."""
+    """The system's own metrics, by their key in summary.json."""
     stages: dict[str, OwnStage] = Field(default_factory=dict)
-    """Work that its nodes charge and device files need not know."""
+    """Stages that only this system has; device files need no cost for them."""
     runtime: Runtime | None = None
-    """How its programs are started; None: it is one of ours, built into slambed-node."""
+    """How the system's own program is started; null for a system built into slambed-node."""
     doc: str = ""
+    """What a reader of the file must know."""
 
     @model_validator(mode="after")
     def _is_consistent(self) -> "System":
@@ -170,7 +200,7 @@ class System(BaseModel):
 
     @property
     def edge_files(self) -> list[str]:
-        """Those of them that only the edge is given."""
+        """Names of those parameters whose file only the edge receives."""
         return [name for name in self.file_params if self.params[name].role == "edge"]
 
     @property
@@ -179,16 +209,16 @@ class System(BaseModel):
         return next((name for name, p in self.params.items() if p.type == "network"), None)
 
     def for_nodes(self, params: Mapping[str, Scalar]) -> dict[str, Scalar]:
-        """What of these parameters nodes are given."""
+        """Returns the parameters that nodes receive."""
         return {name: v for name, v in params.items() if name != self.network_param}
 
     @property
     def has_edge(self) -> bool:
-        """True when the system runs a second node, and so needs a link."""
+        """True when the system has an edge node and so needs a link."""
         return "edge" in self.roles
 
     def choose_variant(self, name: str | None) -> str:
-        """The variant asked for, or the first one."""
+        """Returns the given variant, or the first one."""
         known = list(self.variants) or ["default"]
         if name is None:
             return known[0]
@@ -199,7 +229,8 @@ class System(BaseModel):
         return name
 
     def resolve(self, variant: str, overrides: Mapping[str, object]) -> dict[str, Scalar]:
-        """Every parameter: system default, then variant, then experiment."""
+        """Returns all parameters; later layers override earlier ones: system default, variant,
+        experiment."""
         values: dict[str, Scalar] = {name: p.default for name, p in self.params.items()}
         chosen = self.variants[variant].params if variant in self.variants else {}
         for layer in (chosen, overrides):

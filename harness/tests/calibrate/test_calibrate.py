@@ -50,7 +50,7 @@ def test_a_stage_seen_a_few_times_is_not_fitted() -> None:
 def test_one_factor_meets_the_middle_of_two_conditions() -> None:
     alpha, beta = solve(np.array([1.0, 2.0]), np.ones(2), np.array([30.0, 30.0]), most=0.0)
     assert beta == 0
-    # The least relative errors: sum of (alpha * base / wanted - 1) squared.
+    # The solution minimizes the sum of (alpha * base / wanted - 1) squared.
     assert alpha == pytest.approx(30 * 3 / 5)
 
 
@@ -112,8 +112,8 @@ def updates(*events: dict[str, object]) -> EventLog:
 
 
 def test_a_map_for_a_lost_frame_and_a_declined_update_are_no_update() -> None:
-    """What they cost is neither in the mean nor in what is scaled: how many there are hangs on the
-    costs themselves, and a fit that counted them found no rest."""
+    """Their costs are neither in the mean nor scaled: their number depends on the costs themselves,
+    and a fit that counted them did not converge."""
     insert = {"type": "stage", "name": "insert_keyframes", "wall_ms": 40.0, "cpu_ms": 40.0}
     log = updates(
         insert,
@@ -158,7 +158,7 @@ def test_an_attempt_counts_when_it_got_as_far_as_a_pose() -> None:
 
 
 def test_an_answer_takes_from_capture_until_its_pose_is_there() -> None:
-    """Whatever the edge's stages take: transport and waiting are in it, other work is not."""
+    """It includes transport and waiting, but not other work of the edge."""
     log = updates(
         {"type": "stage", "node": "edge", "name": "track", "wall_ms": 30.0, "cpu_ms": 30.0},
         {"type": "frame_answered", "latency_ms": 200.0},
@@ -178,7 +178,8 @@ def test_an_answer_takes_from_capture_until_its_pose_is_there() -> None:
 
 
 def test_a_device_that_is_fitted_on_keeps_what_the_fit_is_not_about() -> None:
-    """Speed, accelerators and their stages; what goes along has the factor of its component."""
+    """It keeps speed, accelerators and their stages; stages in `along` get the factor of their
+    component."""
     source = load_yaml(FITS / "edgesem.yaml")
     fit = Fit(parse(Targets, source), source, Library())
     before = Library().device("edge_xeon_titan_v").model
@@ -199,7 +200,8 @@ def ijnc(**changes: object) -> Targets:
 
 
 def test_a_damped_fit_takes_a_part_of_each_step() -> None:
-    """From twice what is wanted: the whole step halves the factor, half of it takes its root."""
+    """Starting at twice the target, a full step halves the factor; half a step divides it by
+    sqrt(2)."""
     source = load_yaml(FITS / "ijnc.yaml")
     for damping, factor in ((0.0, 0.5), (0.5, 0.5**0.5)):
         fit = Fit(ijnc(damping=damping), source, Library())
@@ -238,7 +240,7 @@ def test_the_fits_that_we_ship_are_whole(path: Path) -> None:
         model, shipped = fit.model(role), library.device(fitted.device).model
         assert shipped is not None and shipped.cores == fitted.cores
         assert set(shipped.stages) >= set(model.stages)
-        # A fit changes what it is about and nothing else, such as the stages of the text codec.
+        # A fit changes only its own stages, and not others such as those of the text codec.
         about = {name for c in targets.components if c.node == role for name in c.stages}
         others = set(model.stages) - about
         assert {name: model.stages[name] for name in others} == {

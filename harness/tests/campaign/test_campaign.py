@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Campaigns of live nodes: committed one by one, on a full disk, interrupted in the middle."""
+"""Campaigns of live nodes: committed one by one, on a full disk, interrupted during a run."""
 
 import json
 import os
@@ -112,7 +112,7 @@ def test_a_node_that_refuses_its_input_is_a_result(tmp_path: Path) -> None:
 
 @dataclass
 class Greedy:
-    """An executor whose runs write until nothing fits any more."""
+    """An executor whose runs fill the disk."""
 
     jobs: int
 
@@ -169,7 +169,7 @@ def start_campaign(tmp_path: Path) -> subprocess.Popen[str]:
 
 
 def wait_for_runs(tmp_path: Path, count: int) -> None:
-    """Until `count` runs are there and the next one has begun to play."""
+    """Waits until `count` runs exist and the next one has begun to play."""
     folder = ResultFolder(tmp_path / "tiny")
     deadline = time.monotonic() + 330
     while time.monotonic() < deadline:
@@ -195,7 +195,7 @@ def test_an_interrupted_campaign_goes_on_where_it_was(tmp_path: Path, how: signa
     reported, _ = second.communicate(timeout=360)
     assert f"todo {4 - len(done)}" in reported and "complete" in reported
     assert sorted(folder.run_keys()) == sorted(s.run_key for s in specs())
-    # What was there was not touched.
+    # Existing runs were not touched.
     assert all((folder.runs / key).stat().st_ino == inode for key, inode in done.items())
     if how == signal.SIGKILL:
         assert "control groups" in reported
@@ -205,7 +205,7 @@ def test_an_interrupted_campaign_goes_on_where_it_was(tmp_path: Path, how: signa
 
 
 def processes_of(folder: Path) -> list[str]:
-    """Command lines that mention the folder (every node's does)."""
+    """Returns the processes with the folder in their command line, which includes every node."""
     found = []
     for path in Path("/proc").glob("[0-9]*/cmdline"):
         try:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The whole way with the real programs: a YAML, two nodes, a link, a result."""
+"""End to end with the real programs: a YAML file, two nodes, a link, a result."""
 
 import json
 import shutil
@@ -100,14 +100,14 @@ def run_it(folder: Path, sequence: Path, engine: str, *options: str) -> list[dic
             "nodes/mobile/node.json",
         } <= names
     assert (code == ExitCode.OK) == all(summary["valid"] for summary in summaries), out + err
-    # Called again, there is nothing to do.
+    # A repeated call has nothing to do.
     _, out, _ = slambed(*arguments, "--retries", "0")
     assert "2 there already" in out
     return sorted(summaries, key=lambda summary: str(summary["system"]))
 
 
 def explain_them(results: Path, folder: Path) -> None:
-    """A live run has the time line that a virtual one has (test_explain.py)."""
+    """A live run has the same kind of timeline as a virtual one (test_explain.py)."""
     for run in (results / "runs").iterdir():
         picture = folder / f"{run.name}.png"
         code, out, err = slambed("explain", str(run), "-o", str(picture))
@@ -142,7 +142,7 @@ def check_figures(summaries: list[dict[str, Any]]) -> None:
 
 @pytest.fixture(scope="module")
 def local_results(tmp_path_factory: pytest.TempPathFactory, sequence: Path) -> Path:
-    """Of the local engine, checked."""
+    """Checked results of the local engine."""
     folder = tmp_path_factory.mktemp("local")
     check_figures(run_it(folder, sequence, "local"))
     explain_them(folder / "results" / "short", folder)
@@ -150,13 +150,13 @@ def local_results(tmp_path_factory: pytest.TempPathFactory, sequence: Path) -> P
 
 
 def test_the_local_engine_makes_a_whole_result(local_results: Path) -> None:
-    """The fixture's matter; what follows goes on from there."""
+    """The fixture checks the result; later tests build on it."""
     assert (local_results / "results" / "short" / "report" / "index.html").is_file()
 
 
 @pytest.mark.skipif(not image_is_built(), reason="needs the node image ('make images')")
 def test_the_docker_engine_makes_the_same(tmp_path: Path, sequence: Path) -> None:
-    """Its figures and time lines are drawn from the same tables."""
+    """Figures and timelines are drawn from the same tables, so they are skipped."""
     check_figures(run_it(tmp_path, sequence, "docker", "--no-figures"))
 
 
@@ -179,7 +179,7 @@ def test_live_then_virtual_then_live_executes_nothing_twice(
     table = pd.read_csv(results / "short" / "summary.csv")
     assert sorted(table["engine"]) == ["local", "local", "virtual", "virtual"]
     assert set(table["cell"].str.extract(r"\((\w+)\)$")[0]) == {"local", "virtual"}
-    # Another experiment with a cell of this one's: it is there already, under the other name.
+    # Another experiment shares a cell with this one: its runs already exist under another name.
     twin = tmp_path / "twin.yaml"
     only = experiment(sequence).replace("id: short", "id: twin")
     twin.write_text(only.replace("label: alone", "label: single"))
@@ -194,14 +194,14 @@ def test_live_then_virtual_then_live_executes_nothing_twice(
 def test_a_run_that_no_link_satisfies_is_tried_as_often_as_retries_say(
     tmp_path: Path, sequence: Path
 ) -> None:
-    # Real packets are never within 100 ns of what was asked.
+    # Real RTTs are never within 100 ns of the profile.
     text = experiment(sequence, rtt_error_ms_median=0.0001)
     text = text.replace(ALONE, "").replace("fps: 10}", "fps: 10, end_s: 1}")
     path, results = tmp_path / "short.yaml", tmp_path / "results"
     path.write_text(text)
 
     def run(retries: int) -> tuple[list[dict[str, Any]], str]:
-        """What the ledger says of this campaign, and what the command said."""
+        """Returns the ledger entries of this campaign, and the output of the command."""
         ledger = results / "short" / "ledger.jsonl"
         before = len(ledger.read_text().splitlines()) if ledger.is_file() else 0
         command = ("run", str(path), "--engine", "local", "--results", str(results), "--wait")
@@ -219,7 +219,7 @@ def test_a_run_that_no_link_satisfies_is_tried_as_often_as_retries_say(
     assert json.loads((results / "runs" / key / "summary.json").read_text())["attempts"] == 3
     (shown,) = pd.read_csv(results / "short" / "summary.csv")["attempts"]
     assert shown == 3
-    # Who asks for no retries takes what is there; a later campaign begins with the next attempt.
+    # Without retries the existing run is taken; a later campaign continues with the next attempt.
     finished, output = run(0)
     assert finished == [] and "1 runs, 1 there already" in output
     finished, _ = run(1)
@@ -227,7 +227,7 @@ def test_a_run_that_no_link_satisfies_is_tried_as_often_as_retries_say(
 
 
 def numbers_of_attempts(results: Path, key: str) -> list[int]:
-    """As their manifests say: each attempt is there with all its files."""
+    """Returns the attempt numbers of the manifests: each attempt is stored with all its files."""
     folders = [results / "runs" / key, *(results / "attempts" / key).iterdir()]
     for folder in folders:
         assert (folder / "events.parquet").is_file() and (folder / "nodes" / "link").is_dir()
@@ -269,7 +269,7 @@ def test_without_docker_auto_says_so_and_takes_local(tmp_path: Path, sequence: P
 
 
 def test_nothing_is_left_on_the_host() -> None:
-    """No process of ours whose harness has ended."""
+    """There is no process of ours whose harness has ended."""
     marker = f"{OWNER_VARIABLE}=".encode()
     for path in Path("/proc").glob("[0-9]*/environ"):
         try:

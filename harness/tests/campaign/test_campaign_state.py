@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""How far a campaign is, read from its ledger; growing files are read as they grow."""
+"""Progress of a campaign, read from its ledger; growing files are read incrementally."""
 
 import json
 import os
@@ -64,7 +64,7 @@ def test_runs_are_waiting_in_hand_and_done() -> None:
     assert (found.valid, found.invalid, found.failed, found.done) == (1, 1, 0, 2)
     assert [(run.run_key, run.name) for run in found.in_hand] == [("c", "cell-c #1")]
     assert found.waiting == 1
-    # 15 s each in the mean: 10 s of c and all of d.
+    # Mean duration 15 s: 10 s left for c, and all of d.
     assert found.left_s == pytest.approx(25)
     assert status_of(found) == "running: 2 of 4 runs, about 25 s left"
 
@@ -127,7 +127,7 @@ def test_a_process_that_got_the_number_later_is_another_one() -> None:
 
 
 def test_a_process_that_its_parent_has_not_asked_for_is_dead() -> None:
-    """Nobody waits for the end of a campaign that was killed, as where its parent watches it."""
+    """A killed campaign may be a zombie if its parent does not wait for it."""
     with subprocess.Popen([sys.executable, "-c", "input()"], stdin=subprocess.PIPE) as process:
         since_s = time.time()
         assert is_alive(process.pid, since_s)

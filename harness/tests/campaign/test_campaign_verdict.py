@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""How a command ends that executed runs: by the worst of what its campaigns came to."""
+"""Exit code of a command that executed runs: the worst outcome of its campaigns."""
 
 import pytest
 
@@ -32,7 +32,7 @@ def test_campaigns_that_ended_well_are_no_error() -> None:
 def test_one_that_did_not_is_reported_after_all_have_run(
     verdict: CampaignOutcome, line: str
 ) -> None:
-    """Of a paper's experiments too: one bad one among good ones ends the command with 1."""
+    """Also for a paper's experiments: a failing one among good ones gives exit code 1."""
     with pytest.raises(SlambedError, match=line) as ended:
         raise_unless_good([GOOD, verdict], "x")
     assert ended.value.code == ExitCode.NOT_ALL_GOOD

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""`slambed run --check` says of the engine what `slambed run` would."""
+"""`slambed run --check` reports the same about the engine as `slambed run`."""
 
 from pathlib import Path
 

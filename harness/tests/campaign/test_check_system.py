@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""`slambed check-system`: green for the examples and the skeleton, red for planted defects."""
+"""`slambed check-system`: passes for the examples and the skeleton, fails for planted defects."""
 
 from pathlib import Path
 
@@ -27,7 +27,7 @@ pytestmark = pytest.mark.skipif(
 
 @pytest.fixture
 def system(tmp_path: Path) -> Path:
-    """A fresh skeleton, which is good."""
+    """A new skeleton, which passes."""
     assert slambed("new", "system", "fresh", "--folder", str(tmp_path))[0] == 0
     return tmp_path / "fresh" / "system.yaml"
 
@@ -128,7 +128,7 @@ def test_a_planted_defect_of_a_system_that_reads_a_folder_is_red(
     assert good in program.read_text()
     program.write_text(program.read_text().replace(good, bad))
     red = red_lines(folder / "folder_odometry.yaml")
-    # One that does not hear SIGTERM is killed 2 s later, as the contract says.
+    # A program that ignores SIGTERM is killed 2 s later, as the contract says.
     assert red == [] if expected is None else red and expected in red[0], red
 
 
@@ -149,7 +149,7 @@ ALONG_A_LINE = {
 def test_programs_that_know_nothing_of_slambed_read_the_other_layouts(
     layout: str, tmp_path: Path
 ) -> None:
-    """A line of shell that believes that the camera goes straight on; KITTI's poses have no times,
+    """The program is a shell line that assumes constant velocity. KITTI's poses have no times,
     EuRoC's times are nanoseconds."""
     sensor, line = ALONG_A_LINE[layout]
     form = "kitti" if layout == "kitti" else "tum"
@@ -167,12 +167,12 @@ def test_programs_that_know_nothing_of_slambed_read_the_other_layouts(
     description["runtime"]["mobile"]["command"][2] = f"{line} | head -n 7 >$SLAMBED_TRAJECTORY"
     system.write_text(yaml.safe_dump(description))
     red = red_lines(system)
-    # Seven poses of twenty frames: KITTI's lines do not say of which.
+    # Seven poses of twenty frames: KITTI's lines do not identify their frames.
     assert [x for x in red if "7 x 12 numbers" in x] == red and bool(red) == (layout == "kitti")
 
 
 def test_inverted_poses_are_red(tmp_path: Path) -> None:
-    """World to camera instead of camera to world: the mistake that everybody makes once."""
+    """World to camera instead of camera to world, a common mistake."""
     folder = copied_examples(tmp_path)
     text = (folder / "vo.py").read_text()
     assert "client.pose(frame, T_wc," in text

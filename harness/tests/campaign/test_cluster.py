@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Virtual campaigns on Dask workers: the same results as here, also when a worker is killed."""
+"""Virtual campaigns on Dask workers: the same results as on this host, even if a worker is
+killed."""
 
 import json
 import os
@@ -31,11 +32,11 @@ from slambed.native import find_program
 RUNS = 3
 CELLS = 2
 STARTS_S = 120.0
-"""What Dask needs to start on a busy host; or a campaign, with its first run."""
+"""Timeout for Dask's start, or a campaign's first run, on a busy host."""
 
 
 class Cluster:
-    """A scheduler and workers, each a process of its own as on machines of their own."""
+    """A scheduler and workers in separate processes, as on separate machines."""
 
     def __init__(self, folder: Path, **environment: str) -> None:
         self.folder = folder
@@ -43,7 +44,7 @@ class Cluster:
         self.file = folder / "scheduler.json"
         self.processes: dict[str, subprocess.Popen[bytes]] = {}
         self._start("scheduler", "scheduler", "--host", "127.0.0.1", "--port", "0")
-        # The scheduler writes the file in place: there it is before its text is.
+        # The scheduler writes the file in place, so it may exist before its content.
         until(
             lambda: self.file.is_file() and self.file.read_text().rstrip().endswith("}"),
             "the scheduler's address",
@@ -53,7 +54,7 @@ class Cluster:
 
     def add_worker(self, name: str) -> None:
         scratch = self.folder / name
-        # Without a nanny: what is killed stays dead.
+        # Without a nanny a killed worker is not restarted.
         self._start(
             name,
             "worker",
@@ -119,7 +120,7 @@ def test_a_killed_worker_costs_no_run_and_makes_none_twice(
             text=True,
         )
         ledger = Ledger(there.path / "ledger.jsonl")
-        # In the middle: one run has ended, the worker is at another.
+        # Mid-campaign: one run has ended, and the worker executes another.
         until(lambda: "run_finished" in events(ledger), "the end of a run", STARTS_S)
         until(
             lambda: client.processing().get(addresses["a"]) and in_hand(cluster, "a"),
@@ -138,7 +139,7 @@ def test_a_killed_worker_costs_no_run_and_makes_none_twice(
         assert sorted(keys) == there.run_keys()
     assert Counter(events(ledger))["run_interrupted"] == 0
 
-    # Called again, on the cluster or here, there is nothing to do.
+    # A repeated call, on the cluster or locally, has nothing to do.
     for again in (command, command[:-2]):
         code, out, err = slambed_process(*again)
         assert code == ExitCode.OK and f"{RUNS * CELLS} there already" in out, err
@@ -161,7 +162,7 @@ def test_what_a_worker_returns_is_waited_for_until_nobody_can_return_it(tmp_path
         with Client(cluster.address) as client:
             client.wait_for_workers(2, timeout=120)
             assert result_of(client.submit(abs, -3), stop) == 3
-            with pytest.raises(FileNotFoundError, match="/nowhere"):  # the task's own
+            with pytest.raises(FileNotFoundError, match="/nowhere"):  # the task's own error
                 result_of(client.submit(os.listdir, "/nowhere"), stop)
             with pytest.raises(LostWorkerError) as lost:
                 result_of(client.submit(os._exit, 1), stop)
@@ -192,7 +193,7 @@ def test_a_worker_with_other_sources_is_refused(tmp_path: Path, cluster: Cluster
     other = tmp_path / "bin"
     other.mkdir()
     program = other / "slambed-sim"
-    # Bytes after the end of a program change its name and nothing else.
+    # Trailing bytes change the hash of a program but not its behavior.
     program.write_bytes(find_program("slambed-sim").read_bytes() + b"other")
     program.chmod(0o755)
     line = refused(

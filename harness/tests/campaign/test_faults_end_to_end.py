@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Faults with the real programs, live and virtual: DynNetSLAM and Edge-SLAM live through them."""
+"""Faults with the real programs, live and virtual: DynNetSLAM and Edge-SLAM survive them."""
 
 import json
 import os
@@ -40,7 +40,7 @@ FAULTS: dict[str, list[dict[str, Any]]] = {
 PLAYED = {
     VIRTUAL: ("frozen", "cut"),
     "local": tuple(FAULTS),
-    # What happens to a process is another matter in a container; the rest is the same.
+    # Processes are handled differently in a container; everything else is the same.
     "docker": ("frozen", "again"),
 }
 
@@ -65,7 +65,7 @@ def experiment(sequence: Path, engine: str) -> dict[str, Any]:
 
 
 class Run:
-    """What is left of one run."""
+    """The stored files of one run."""
 
     def __init__(self, folder: Path) -> None:
         self.folder = folder
@@ -76,12 +76,12 @@ class Run:
         return self.events[self.events["type"] == kind]
 
     def states(self) -> list[str]:
-        """From the first OS on: the first decision may come before the edge's first answer."""
+        """From the first OS state on: the first decision may precede the edge's first answer."""
         states = list(self.of("state_changed")["to"])
         return states[1:] if states[:1] == ["MES"] else states
 
 
-# Seven runs of nine seconds each, three times where the host was late: 200 s and more.
+# Seven runs of nine seconds each, up to three times on a late host: over 200 s.
 pytestmark = [pytest.mark.programs, pytest.mark.timeout(900)]
 LIVE = [
     pytest.param("local", marks=pytest.mark.live),
@@ -93,7 +93,7 @@ LIVE = [
 def runs(
     request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory
 ) -> dict[str, Run]:
-    """By label, what may be judged: on a busy host not every run."""
+    """Returns the valid runs by label; on a busy host some may be invalid."""
     engine = request.param
     if engine == VIRTUAL and not virtual_parts.programs_are_built():
         pytest.skip("needs the programs ('make build')")
@@ -147,7 +147,7 @@ def test_a_restarted_edge_gets_a_map(runs: dict[str, Run]) -> None:
     if "again" in runs:
         again = runs["again"]
         assert len(again.of("node_restarted")) == 1
-        # A field that the table has no column for.
+        # A field without a column in the table.
         assert json.loads(again.of("handover_sent")["extra"].iloc[-1])["whole"] is True
     if "static again" not in runs:
         return

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Systems that read a recorded folder: what they are given, and what becomes of what they leave."""
+"""Systems that read a recorded folder: their input, and the processing of their trajectory."""
 
 import json
 from pathlib import Path
@@ -62,7 +62,7 @@ def test_what_makes_no_sense_is_refused(change: dict[str, object], line: str) ->
 
 @pytest.mark.parametrize("written", [READS, {"mobile": {"command": ["vo"], "client": True}}])
 def test_what_is_written_down_whole_is_read_back(written: dict[str, object]) -> None:
-    """As experiment.json has it, which `slambed status` reads."""
+    """In the form of experiment.json, which `slambed status` reads."""
     found = Runtime.model_validate(written)
     assert Runtime.model_validate_json(found.model_dump_json()) == found
 
@@ -75,7 +75,7 @@ def test_a_layout_must_hold_what_the_system_plays(tmp_path: Path) -> None:
 
 
 def test_systems_that_read_no_folder_keep_their_software(tmp_path: Path) -> None:
-    """As it was before any did: their runs are still theirs."""
+    """The digest from before this option existed: old runs stay valid."""
     plain = Runtime.model_validate({"mobile": {"command": ["no_such_program"]}})
     (tmp_path / "run.py").write_text("print(1)\n")
     assert foreign_digest(plain, tmp_path, {}) == "d53ebf83cf4b"
@@ -119,7 +119,7 @@ def test_a_folder_is_written_once_a_window_and_reports_no_truth(tmp_path: Path) 
 
 @pytest.fixture
 def recording(tmp_path: Path) -> Recording:
-    """Four frames of 2, 0.1 s apart, in KITTI's time."""
+    """Four frames of sequence 2, 0.1 s apart, in KITTI's time."""
     return Recording.of(write_stereo(tmp_path / "stereo"), Playback(), "kitti", tmp_path)
 
 
@@ -192,7 +192,7 @@ def test_a_quaternion_that_is_none_is_refused(tmp_path: Path, recording: Recordi
 
 
 def left(tmp_path: Path, stamps_s: list[float]) -> Path:
-    """A run's raw folder as the player leaves it."""
+    """Creates a run's raw folder like the player."""
     mobile = tmp_path / "raw" / "mobile"
     mobile.mkdir(parents=True)
     (mobile / "events.jsonl").write_text('{"t_ns":5,"type":"warning","text":"before"}\n')
@@ -216,7 +216,7 @@ def test_frames_losses_and_poses_come_from_the_time_stamps(
     others = [e["type"] for e in events[1:] if e["type"] != "frame_tracked"]
     assert others == ["initialized", "track_lost", "relocalized"]
     kept = read_tum(raw / "mobile" / "trajectory.txt")
-    assert np.allclose(kept.stamps_s, [1000.1, 1000.3])  # recorded time, as every system's
+    assert np.allclose(kept.stamps_s, [1000.1, 1000.3])  # recorded time, as for every system
 
     spec = KeptSpec.of({"runtime": READS, "system": "mine"})
     run = RunData(raw, spec, tmp_path / "stereo" / "groundtruth.txt", Manifest(frames_offered=4))

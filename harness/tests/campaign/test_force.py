@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""`--force` and `--keep-going`: runs that are executed again, and failures that end nothing."""
+"""`--force` and `--keep-going`: repeated runs, and failures that do not end the campaign."""
 
 import json
 import threading
@@ -22,7 +22,7 @@ from slambed.spec.run_spec import RunSpec
 
 @dataclass
 class Scripted:
-    """Does to each run what its list says next: an error, or whether it is valid."""
+    """Ends each run with the next entry of its list: an error, or whether it is valid."""
 
     script: dict[int, list[SlambedError | bool]] = field(default_factory=dict)
     jobs: int = 1

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Systems that are programs of their own: what their description means, before anything starts."""
+"""Systems with their own programs: the meaning of their description, before any start."""
 
 import json
 import shutil
@@ -256,7 +256,7 @@ def test_metrics_of_its_own_are_found_by_the_file_that_a_run_names(tmp_path: Pat
     (tmp_path / "mobile" / "events.jsonl").write_text('{"t_ns": 1, "type": "seen"}\n')
     spec = KeptSpec(system="mine", system_folder=str(folder))
     assert summary_of(RunData(tmp_path, spec, None, Manifest()))["looks"] == 1
-    # A folder with several systems has files called as they are.
+    # A folder with several systems names its files after them.
     (folder / "system.yaml").rename(folder / "mine.yaml")
     assert described_by("mine", str(folder)) == str(folder / "mine.yaml")
     assert described_by("mine", str(tmp_path)) == "mine"

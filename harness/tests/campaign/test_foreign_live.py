@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The worked examples under limits and over a changing link, engines local and docker."""
+"""The worked examples with limits and over a varying link, engines local and docker."""
 
 import json
 import subprocess
@@ -77,7 +77,7 @@ def judge(found: dict[str, tuple[dict[str, Any], dict[str, Any]]]) -> None:
         assert summary["frames_total"] == 20 and summary["frames_tracked"] >= 1
         assert summary["frames_tracked"] + (summary["frames_dropped"] or 0) <= 20
         assert summary["ate_rmse_m"] < 0.1
-        # Player and program: every thread of both has the cap of one core of the device.
+        # Player and program: all threads of both are capped at one core of the device.
         names = {thread["name"] for thread in manifest["limits"]["mobile"]["threads"]}
         assert {"slambed-play", "python3"} <= names
     remote, _ = found["remote_odometry"]
@@ -87,7 +87,7 @@ def judge(found: dict[str, tuple[dict[str, Any], dict[str, Any]]]) -> None:
     assert found["visual_odometry"][0]["bytes_up"] is None
     reader, manifest = found["folder_odometry"]
     if reader["valid"]:
-        # It saw the frames that were played, and nobody saw when.
+        # It received the played frames, but the times of their tracking are unknown.
         assert reader["frames_total"] == reader["frames_tracked"] == 20
         assert reader["coverage"] == 1.0 and reader["track_losses"] == 0
         assert reader["mobile_cpu_percent_mean"] > 1 and reader["mobile_mem_mb_peak"] > 20

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Several hosts without any: their file, which run goes where, keys, retries, tables."""
+"""Several hosts, tested without any: hosts.yaml, assignment of runs, keys, retries, tables."""
 
 import json
 import threading
@@ -121,7 +121,7 @@ def test_repetitions_are_spread_evenly_whatever_their_number(hosts: int) -> None
     assert again == [preference(r, names, seed=7)[0] for r in range(40)]
     if hosts > 1:
         assert again != [preference(r, names, seed=8)[0] for r in range(40)]
-        # Not always the same host first: what a host's warm start does is nobody's alone.
+        # The first host varies, so that warm-up effects are spread.
         assert len(set(again[::hosts])) > 1
 
 
@@ -144,7 +144,7 @@ def test_a_backlog_gives_what_may_begin() -> None:
 
 
 class Line:
-    """A connection that somebody may cut."""
+    """A connection that a test can cut."""
 
     def __init__(self) -> None:
         self.up = True
@@ -173,7 +173,7 @@ FACTS = Joined(
 
 
 class Hosts(HostExecutor):
-    """Real claims; the work is done here, and one line is cut in the middle of a run."""
+    """Real claims with local work; one connection is cut during a run."""
 
     def __init__(self, names: list[str], cut: int = -1) -> None:
         self.lines = {name: Line() for name in names}

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Live runs on stand-ins for hosts (`stand_in_host`), over real ssh, with real nodes."""
+"""Live runs on stand-in hosts (`stand_in_host`), over real ssh, with real nodes."""
 
 import os
 import signal
@@ -21,7 +21,7 @@ from slambed.campaign.ledger import Ledger
 from slambed.errors import ExitCode
 from slambed.records.manifest import Manifest
 
-# Campaigns on other machines, which are given PATIENCE_S.
+# Campaigns on other machines with a timeout of PATIENCE_S.
 pytestmark = [pytest.mark.live, pytest.mark.timeout(900), needs_root, needs_programs]
 RUNS = 4
 EXPERIMENT = """\
@@ -36,12 +36,12 @@ tolerances: {tolerances}
 """
 PATIENCE_S = 300.0
 ENDS_S = 30.0
-"""Of a campaign that waits for a host."""
+"""Timeout for the end of a campaign that waits for a host."""
 
 
 @pytest.fixture
 def hosts(tmp_path: Path) -> Iterator[list[StandInHost]]:
-    # Each has a lock of its own; that of this machine keeps other campaigns away from both.
+    # Each stand-in has its own lock; that of this machine keeps other campaigns away.
     with nodes_of_tests():
         found = [StandInHost(name, tmp_path / "hosts") for name in ("a", "b")]
         try:
@@ -54,7 +54,8 @@ def hosts(tmp_path: Path) -> Iterator[list[StandInHost]]:
 
 
 def arguments(tmp_path: Path, hosts: list[StandInHost]) -> list[str]:
-    """Of a campaign without retries: what a busy machine does to a run is not the question."""
+    """Arguments of a campaign without retries: the validity of runs on a busy host is not
+    tested."""
     file = tmp_path / "hosts.yaml"
     environment = {"SLAMBED_CACHE": str(tmp_path / "cache")}
     entries = [host.entry(environment=environment, labels=["loopback"]) for host in hosts]
@@ -84,7 +85,7 @@ def test_a_host_that_loses_power_costs_one_attempt_and_nothing_is_made_twice(
     while not any(e["event"] == "run_started" and e["host"] == "b" for e in ledger.read()):
         assert campaign.poll() is None and time.monotonic() < deadline, campaign.communicate()[0]
         time.sleep(0.05)
-    time.sleep(1.0)  # its nodes are at work
+    time.sleep(1.0)  # its nodes are running
     hosts[1].kill()
     out, _ = campaign.communicate(timeout=PATIENCE_S)
     assert campaign.returncode in (ExitCode.OK, ExitCode.NOT_ALL_GOOD), out
@@ -105,11 +106,11 @@ def test_a_host_that_loses_power_costs_one_attempt_and_nothing_is_made_twice(
         assert (folder.runs / key / "trajectory.txt").is_file()
         assert (folder.runs / key / "events.parquet").is_file()
     assert ",host," in (folder.path / "summary.csv").read_text().splitlines()[0]
-    # Of the runs before and after its death nothing is left on the hosts' side.
+    # The hosts' cgroups have no leftovers of the runs before and after its death.
     left = [path for group in hosts[0]._groups for path in group.rglob("*") if path.is_dir()]
     assert not [path for path in left if path.name != "slambed"]
 
-    # Called again, with the host that is left, there is nothing to do.
+    # A repeated call with the remaining host has nothing to do.
     code, again, err = slambed_process(*command, "--on", "a", SLAMBED_CACHE=str(tmp_path / "cache"))
     if code == ExitCode.OK:
         assert f"{RUNS} there already" in again, err
@@ -129,7 +130,7 @@ def test_a_host_that_another_campaign_has_is_refused_in_a_line(
     try:
         assert other.stdout is not None and other.stdout.readline() == b"1\n"
         code, _, err = slambed_process(*command, SLAMBED_CACHE=str(tmp_path / "cache"))
-        # Who only asks what would be executed takes no host.
+        # A dry run takes no host.
         dry, out, reported = slambed_process(
             *command, "--dry-run", SLAMBED_CACHE=str(tmp_path / "cache")
         )
@@ -145,7 +146,7 @@ def test_a_host_that_another_campaign_has_is_refused_in_a_line(
             stdout=subprocess.PIPE,
             text=True,
             env=os.environ | {"SLAMBED_CACHE": str(tmp_path / "cache")},
-            # As from a terminal, also where these tests were begun in the background.
+            # Default SIGINT, as from a terminal, even if the tests were started in the background.
             preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),
         ) as waiting:
             try:

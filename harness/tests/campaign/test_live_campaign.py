@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Campaigns of live runs (engine local, a stand-in node) whose environment fails them."""
+"""Live campaigns (engine local, a stand-in node) with failures of their environment."""
 
 import contextlib
 import threading
@@ -45,7 +45,7 @@ def runs(count: int) -> list[RunSpec]:
 
 
 def kill_samplers(over: threading.Event, may: Callable[[], bool]) -> None:
-    """As the kernel does when memory runs out."""
+    """Kills samplers like the kernel's OOM killer."""
     while not over.wait(0.02):
         for child in psutil.Process().children():
             with contextlib.suppress(psutil.NoSuchProcess):  # nor a zombie

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Masks in campaigns: made once of the pictures that are sent, part of what a run means, and the
-only way by which the truth reaches one."""
+"""Masks in campaigns: computed once from the transmitted pictures, part of the run key, and the
+only way for the ground truth to reach a run."""
 
 from __future__ import annotations
 
@@ -106,7 +106,7 @@ def test_masks_are_in_the_run_key_by_their_content(crossing: Path, tmp_path: Pat
     none, masked = plan.specs
     assert none.masks is None and "masks" not in none.meaning()
     assert masked.masks is not None and len(masked.masks.sha256) == 64
-    assert "network" not in masked.params  # nodes know no such parameter
+    assert "network" not in masked.params  # nodes do not know this parameter
     other = masked.masks.model_copy(update={"sha256": "0" * 64})
     moved = masked.masks.model_copy(update={"path": "/elsewhere"})
     assert masked.model_copy(update={"masks": other}).run_key != masked.run_key

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Multithread-RL from the experiment to its numbers: beside Edge-SLAM, in virtual time."""
+"""Multithread-RL from the experiment to its metrics, compared with Edge-SLAM in virtual time."""
 
 import json
 from pathlib import Path
@@ -103,7 +103,7 @@ def test_a_requests_parts_are_what_its_messages_took(results: Path) -> None:
             assert any(abs(ms - reply[f"{part}_ms"]) < CLOSURE_LIMIT_MS for ms in took)
         whole = sum(reply[f"{part}_ms"] for part in ("local", "up", "edge", "down"))
         assert whole == pytest.approx(reply["total_ms"], abs=CLOSURE_LIMIT_MS)
-    # What the edge does with requests is its stages, and hardly anything between them.
+    # The edge's time for requests is almost entirely spent in its stages.
     at_edge_ms = sum(reply["edge_ms"] for reply in replies)
     assert edge["wall_ms"].sum() == pytest.approx(at_edge_ms, abs=CLOSURE_LIMIT_MS * len(replies))
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What becomes of a system that crashes now and then: it is reported, everywhere and in full."""
+"""Crashes of a system in some runs are reported completely and everywhere."""
 
 from pathlib import Path
 
@@ -27,7 +27,7 @@ def test_a_system_that_crashes_in_three_runs_of_ten_is_reported_everywhere(tmp_p
     todo = [virtual_spec(seed=n, repetition=n, params={"sim_act": "some"}) for n in range(RUNS)]
     verdict = Runner(folder, Ledger(folder.path / "ledger.jsonl"), executor).run(todo, Quiet())
     assert (verdict.done, verdict.valid, verdict.not_completed) == (RUNS, RUNS, CRASHES)
-    # None of them is executed again, neither now nor by a later campaign.
+    # None of them is repeated, now or by a later campaign.
     assert {folder.state(spec.run_key) for spec in todo} == {"valid"}
     assert {folder.store.attempts_of(spec.run_key) for spec in todo} == {1}
     runs = [{"run_key": s.run_key, **s.model_dump(mode="json")} for s in todo]

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Runs in one file: what goes into it, and what a results folder has after it was unpacked."""
+"""Packed runs: content of the file, and the results folder after unpacking."""
 
 import json
 import tarfile
@@ -16,7 +16,7 @@ from slambed.spec.run_spec import RunSpec
 
 
 def experiment(results: Path, name: str, runs: list[RunSpec], invalid: int = 0) -> ResultFolder:
-    """An experiment that was run; the last `invalid` of its runs are invalid."""
+    """An executed experiment; its last `invalid` runs are invalid."""
     folder = ResultFolder(results / name)
     folder.create()
     for number, spec in enumerate(runs):
@@ -37,7 +37,7 @@ def experiment(results: Path, name: str, runs: list[RunSpec], invalid: int = 0) 
 
 @pytest.fixture
 def packed(tmp_path: Path) -> Path:
-    """Four runs of `tiny`, the last invalid, and another experiment beside them."""
+    """Packs four runs of `tiny`, the last one invalid, and a second experiment."""
     runs = specs(cells=2, runs=3)
     experiment(tmp_path / "here", "tiny", runs[:4], invalid=1)
     experiment(tmp_path / "here", "other", runs[4:])

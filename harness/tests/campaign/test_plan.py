@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Which runs an experiment asks for, on which sequences, in which order."""
+"""Which runs an experiment has, on which sequences, in which order."""
 
 import json
 from dataclasses import replace
@@ -71,7 +71,7 @@ def test_a_dataset_that_is_not_here_ends_the_experiment_or_is_left_out(
     assert len(plan.left_out) == 1 and "SLAMBED_DATA" in plan.left_out[0]
     with pytest.raises(SlambedError, match="no dataset of"):
         plan_with(["kitti_07_left"], tmp_path, missing_datasets="skip")
-    # A name that nobody knows is a mistake, not missing data.
+    # An unknown name is a mistake, not missing data.
     with pytest.raises(SlambedError, match="not known"):
         plan_with(["kiti_07", here], tmp_path, missing_datasets="skip")
 
@@ -88,7 +88,7 @@ def test_a_dataset_has_playback_for_what_an_experiment_leaves_open(
     assert own.played_s(Playback()) == pytest.approx(sequence.played_s(Playback()) - 0.1)
     with pytest.raises(SlambedError, match="does not go with the experiment's"):
         own.playback(Playback(end_s=0.05))
-    # What a run means has what its dataset said.
+    # The run's meaning includes the dataset's defaults.
     monkeypatch.setattr(planning, "prepare_sequence", lambda name, notify: own)
     assert {s.playback.fps for s in plan_with(["here"], tmp_path).specs} == {5.0}
 

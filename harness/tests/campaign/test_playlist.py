@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The frames that Python says are offered are those that the C++ player (`playback.cpp`) offers."""
+"""Python's list of offered frames equals that of the C++ player (`playback.cpp`)."""
 
 from pathlib import Path
 
@@ -21,12 +21,12 @@ pytestmark = needs_programs
 
 PLAYBACKS = [
     "mode: every_frame",
-    # 10 to 4 frames a second: two and a half, of which every third is offered.
+    # 10 to 4 fps is a ratio of 2.5: every third frame is offered.
     "mode: every_frame, fps: 4",
-    # Both ends lie on frames: the first counts, the second does not.
+    # Both ends lie on frames: the first is included, the second excluded.
     "mode: every_frame, fps: 5, start_s: 0.3, end_s: 1.5",
     "mode: every_frame, fps: 3, start_s: 0.35, end_s: 1.75",
-    # More than was recorded.
+    # More than the recorded rate.
     "mode: every_frame, fps: 30, end_s: 1",
 ]
 
@@ -55,9 +55,9 @@ def test_python_and_cpp_offer_the_same_frames(
     prepared = PreparedSequence.open(sequence)
     times_ns, play = prepared.index["timestamp_ns"].astype(np.int64), spec.playback
     expected = offered_frames(times_ns, prepared.info.fps, play.fps, play.start_s, play.end_s)
-    # Every frame is tracked in this mode: what was played is all that was offered.
+    # In this mode every offered frame is tracked.
     assert tracked["frame"].astype(int).tolist() == expected.tolist() and len(expected) > 3
-    # Playback's time begins with its first frame.
+    # Playback time starts with the first offered frame.
     played_s = (times_ns[expected] - times_ns[expected[0]]) / 1e9
     assert np.allclose(tracked["seq_s"], played_s, atol=1e-9)
     facts = read_object(folder.runs / spec.run_key / "manifest.json")

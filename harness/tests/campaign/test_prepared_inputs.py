@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Inputs made by runs: once, kept under a key, verified, and never when a condition fails."""
+"""Inputs made by runs: created once, cached by key, verified, and not kept if a condition fails."""
 
 import json
 from collections.abc import Iterator
@@ -47,7 +47,7 @@ def sequence(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture
 def library(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Library]:
-    """A checkout with its own inputs and everybody's systems and devices."""
+    """A checkout with its own inputs but the usual systems and devices."""
     monkeypatch.setenv("SLAMBED_CACHE", str(tmp_path / "cache"))
     root = tmp_path / "checkout"
     (root / "catalog" / "inputs").mkdir(parents=True)
@@ -76,12 +76,12 @@ def test_an_input_is_made_once_and_verified(library: Library, sequence: Path) ->
     assert len(reported) == 1  # not made again
     (newest,) = find_prepared("walk_map")
     assert newest.record == made.record
-    # A file that was changed is not used: the run gives the same bytes again.
+    # A modified file is not used: the run recreates the same bytes.
     made.file.write_bytes(before[:-1] + b"x")
     again = prepare_input("walk_map", library, reported)
     assert "is damaged" in reported[1]
     assert again.file.read_bytes() == before
-    # What is written of it names no place of this machine.
+    # The record contains no path of this machine.
     assert str(library.root) not in json.dumps(made.record)
 
     write(library, PATH, sequence=sequence, map=made.file)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A run that starts in the map of an earlier one, from YAML to result, in virtual time."""
+"""A run that starts with the map of an earlier one, from YAML to result, in virtual time."""
 
 import json
 from pathlib import Path
@@ -59,7 +59,7 @@ def test_a_run_goes_on_in_the_map_of_another(
     first = run(tmp_path, "first", sequence, "save_map: true")
     assert summary(first)["relocalizations"] == 0
     (first / "map.slm").rename(tmp_path / "room.slm")
-    # A relative path is looked for beside the experiment.
+    # A relative path is resolved next to the experiment.
     second = run(tmp_path, "second", sequence, "prior_map: room.slm, save_map: true")
     assert summary(second)["relocalizations"] == 1
     assert summary(second)["frames_tracked"] == summary(second)["frames_total"]
@@ -71,7 +71,7 @@ def test_a_run_goes_on_in_the_map_of_another(
     whole = (tmp_path / "room.slm").read_bytes()
     (tmp_path / "room.slm").write_bytes(whole[:-100])
     path = tmp_path / "second.yaml"
-    # A system that refuses its input has a result, as one that dies: reported with its reason.
+    # A system that refuses its input has a result with its reason, like one that dies.
     again = ("run", str(path), "--no-figures", "--results", str(tmp_path / "results"))
     code, out, err = slambed(*again)
     assert code == ExitCode.NOT_ALL_GOOD, out + err

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Many virtual runs at once complete, also where commits are slow and processes are killed."""
+"""Many concurrent virtual runs complete, even with slow commits and killed processes."""
 
 import contextlib
 import ctypes
@@ -41,7 +41,7 @@ PR_SET_DUMPABLE = 4
 
 
 class SlowFolder(ResultFolder):
-    """On a disk that takes its time."""
+    """Simulates a slow disk."""
 
     def commit(self, run_key: str, raw: Path, replace: bool = False) -> None:
         time.sleep(random.uniform(0, 0.15))
@@ -53,12 +53,12 @@ def runs(count: int, **changes: Any) -> list[RunSpec]:
 
 
 MADE: list[ProcessExecutor] = []
-"""By this test."""
+"""Executors created by this test."""
 
 
 @pytest.fixture(autouse=True)
 def nothing_goes_on() -> Iterator[None]:
-    """No process of one test is a child that the next one sees."""
+    """Ends the processes of a test, so that the next one does not see them as children."""
     yield
     while MADE:
         MADE.pop().close()
@@ -75,12 +75,12 @@ def runner(tmp_path: Path, jobs: int) -> Runner:
 
 
 def children() -> list[psutil.Process]:
-    """Every process below this one that has a run in hand: simulation or its parent."""
+    """Returns every descendant process that executes a run: the simulation or its parent."""
     return psutil.Process().children(recursive=True)
 
 
 def processes_of(executor: Executor) -> list[BaseProcess]:
-    """Its own, which wait for a run."""
+    """Returns the executor's worker processes."""
     assert isinstance(executor, ProcessExecutor)
     return [worker._process for worker in executor._idle]
 
@@ -88,14 +88,15 @@ def processes_of(executor: Executor) -> list[BaseProcess]:
 def simulations(tmp_path: Path) -> list[psutil.Process]:
     found = []
     for process in children():
-        with contextlib.suppress(psutil.Error):  # gone meanwhile
+        with contextlib.suppress(psutil.Error):  # it has ended in the meantime
             if str(tmp_path) in " ".join(process.cmdline()):
                 found.append(process)
     return found
 
 
 def test_many_jobs_with_slow_commits_complete(tmp_path: Path) -> None:
-    """Sixteen jobs of a pool whose workers ended with the threads that had begun them never did."""
+    """A pool of sixteen jobs used to hang when workers ended with the threads that had started
+    them."""
     campaign = runner(tmp_path, 16)
     todo = runs(48)
     verdict = campaign.run(todo, Quiet())
@@ -112,7 +113,7 @@ def test_a_run_says_under_which_plans_it_was_executed_whoever_reuses_it(tmp_path
     campaign.plans = old
     campaign.run([first], Quiet())
     campaign.plans = new
-    assert campaign.folder.state(first.run_key) == "valid"  # so a campaign executes the other
+    assert campaign.folder.state(first.run_key) == "valid"  # a campaign executes the other one
     campaign.run([second], Quiet())
     for spec, plans in ((first, old), (second, new)):
         manifest = campaign.folder.manifest(spec.run_key)
@@ -124,14 +125,14 @@ def test_a_run_says_under_which_plans_it_was_executed_whoever_reuses_it(tmp_path
 
 
 def is_fork_server(process: psutil.Process) -> bool:
-    """Or what one has forked: that keeps its command line."""
+    """Also true for its forks, which keep the command line."""
     with contextlib.suppress(psutil.Error):
         return "multiprocessing.forkserver" in " ".join(process.cmdline())
     return False
 
 
 def fork_server(tmp_path: Path) -> psutil.Process | None:
-    """What forked the process that waits for a simulation, where that is a fork server."""
+    """Returns the fork server whose child waits for a simulation; None otherwise."""
     for simulation in simulations(tmp_path):
         with contextlib.suppress(psutil.Error, ValueError):
             _, server, *_ = simulation.parents()
@@ -141,13 +142,13 @@ def fork_server(tmp_path: Path) -> psutil.Process | None:
 
 
 def test_a_killed_fork_server_costs_no_run(tmp_path: Path) -> None:
-    """Nothing is forked from the harness itself, whose threads may hold any lock at that moment."""
+    """Nothing is forked from the harness, whose threads may hold locks at that moment."""
     campaign = runner(tmp_path, 3)
     killed: list[int] = []
-    twice = tmp_path / "killed_twice"  # no run ends before: how fast this host is decides nothing
+    twice = tmp_path / "killed_twice"  # no run ends earlier, on any host
 
     def another() -> tuple[psutil.Process, list[psutil.Process]] | None:
-        # One that was killed may be seen for a while on a busy host.
+        # A killed server may be visible for a while on a busy host.
         if (server := fork_server(tmp_path)) is None or server.pid in killed:
             return None
         with contextlib.suppress(psutil.NoSuchProcess):
@@ -160,8 +161,7 @@ def test_a_killed_fork_server_costs_no_run(tmp_path: Path) -> None:
                 server, workers = until(another, f"the {number} fork server with a run")
                 killed.append(server.pid)
                 server.kill()
-                # They live on without it, as children of init; only who needs a new one needs
-                # another server.
+                # Its workers continue as children of init; only a new worker needs a new server.
                 for worker in workers:
                     with contextlib.suppress(psutil.NoSuchProcess):
                         worker.kill()
@@ -181,12 +181,12 @@ def test_a_killed_fork_server_costs_no_run(tmp_path: Path) -> None:
 
 @dataclass
 class Killer:
-    """Kills a process of a run now and then until it is asked to end, and fewer than what one run
-    may bear: on a busy host the last run of a campaign is the only one left to be killed."""
+    """Kills processes of runs repeatedly, but fewer times than the limit of one run: on a busy
+    host all kills may hit the last run."""
 
     tmp_path: Path
     every_s: float
-    enough: Path  # comes with the third: no run ends before
+    enough: Path  # created with the third kill: no run ends earlier
     over: threading.Event = field(default_factory=threading.Event)
     killed: int = 0
 
@@ -195,7 +195,7 @@ class Killer:
         while self.killed < MOST_DEATHS - 1 and not self.over.wait(self.every_s):
             try:
                 simulation = random.choice(simulations(self.tmp_path))
-                # The process that waits for the simulation: what the executor started.
+                # The worker process that waits for the simulation.
                 os.kill(simulation.ppid(), signal.SIGKILL)
                 self.killed += 1
                 if self.killed == 3:
@@ -219,7 +219,7 @@ def test_killed_processes_cost_no_run(tmp_path: Path) -> None:
 
 
 def test_virtual_runs_go_behind_what_is_live(tmp_path: Path) -> None:
-    """A live run on this host shall not meet them: neither simulations nor what sums them up."""
+    """Simulations and their workers must not slow down a live run on this host."""
     seen: list[tuple[int, int, str]] = []
     over = threading.Event()
 
@@ -241,14 +241,14 @@ def test_virtual_runs_go_behind_what_is_live(tmp_path: Path) -> None:
 @needs_root
 @pytest.mark.skipif(not AUTOGROUP.exists(), reason="this kernel has no autogroups")
 def test_those_of_somebody_who_is_not_root_do_as_well() -> None:
-    """The kernel lets others than root change a group of processes once in 0.1 s."""
+    """For other users than root the kernel allows one change per 0.1 s."""
     started = []
     for _ in range(3):
         pid = os.fork()
         if pid == 0:
             os.setsid()
             os.setuid(65534)
-            ctypes.CDLL(None).prctl(PR_SET_DUMPABLE, 1, 0, 0, 0)  # or its own files are root's
+            ctypes.CDLL(None).prctl(PR_SET_DUMPABLE, 1, 0, 0, 0)  # else /proc files are root's
             go_behind()
             os._exit(0 if AUTOGROUP.read_text().split()[-1] == str(NICE) else 1)
         started.append(pid)
@@ -266,8 +266,9 @@ tests.runner(Path(sys.argv[1]), 2).run(tests.runs(2, params={"sim_sleep_s": 60})
 def test_what_a_killed_harness_left_goes_with_the_next_campaign(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, request: pytest.FixtureRequest
 ) -> None:
-    """Its runs and their server end by themselves; the server's socket is swept."""
-    # The address of a socket is at most 107 letters: not below pytest's folders.
+    """Its runs and their server end by themselves; the next campaign removes the server's
+    socket."""
+    # A socket address has at most 107 characters, too few for pytest's folders.
     scratch = Path(tempfile.mkdtemp(prefix="s"))
     request.addfinalizer(lambda: shutil.rmtree(scratch, ignore_errors=True))
     harness = psutil.Popen(
@@ -277,7 +278,7 @@ def test_what_a_killed_harness_left_goes_with_the_next_campaign(
 
     def both_run() -> bool:
         assert harness.poll() is None
-        return len(simulations(tmp_path)) >= 3  # itself, too
+        return len(simulations(tmp_path)) >= 3  # including the harness's own command line
 
     until(both_run, "two simulations of the harness")
     monkeypatch.setattr(tempfile, "tempdir", str(scratch))
@@ -305,20 +306,20 @@ def test_a_long_folder_of_temporary_files_is_no_obstacle(
 def test_half_a_request_to_the_fork_server_is_no_traceback(
     tmp_path: Path, capfd: pytest.CaptureFixture[str]
 ) -> None:
-    """A harness that is killed leaves a server that reads what it had begun to say."""
+    """A killed harness leaves a server that reads an incomplete request."""
     ended = runner(tmp_path, 1).run(runs(1), Quiet())
     assert ended.done == 1
     server = next(filter(is_fork_server, psutil.Process().children()))
     with socket.socket(socket.AF_UNIX) as client:
         client.connect(forkserver._forkserver._forkserver_address)
-    # Not waited for: its owner does that, when the next run needs one.
+    # It stays a zombie until its owner needs a new one for the next run.
     until(lambda: server.status() == psutil.STATUS_ZOMBIE, "the end of the fork server")
     assert capfd.readouterr().err == ""
 
 
 @dataclass
 class Failing:
-    """Fails these runs so many times with this error."""
+    """Fails these runs a number of times with this error."""
 
     error: Exception
     times: dict[int, int]
@@ -400,7 +401,7 @@ def test_one_that_is_killed_between_two_runs_costs_nothing(tmp_path: Path) -> No
     campaign = runner(tmp_path, 1)
     first, second = runs(2)
     assert campaign.run([first], Quiet()).valid == 1
-    # Not any process below this one: a worker of another test may be about to end.
+    # Only this executor's worker: one of another test may be about to end.
     (worker,) = processes_of(campaign.executor)
     worker.kill()
     worker.join(LIMIT_S)
@@ -424,7 +425,7 @@ def test_a_process_ends_after_so_many_runs(tmp_path: Path, monkeypatch: pytest.M
 
 
 def test_a_run_that_fails_leaves_its_process_to_the_next(tmp_path: Path) -> None:
-    """And what went wrong arrives with the place where it did."""
+    """The error includes the traceback of the worker."""
     executor = runner(tmp_path, 1).executor
     (spec,) = runs(1)
     never = threading.Event()

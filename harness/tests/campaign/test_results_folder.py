@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What lies in a results folder: runs whole or missing, attempts, views and the ledger."""
+"""The results folder: complete or missing runs, attempts, views and the ledger."""
 
 import json
 from pathlib import Path
@@ -82,7 +82,7 @@ def test_a_new_attempt_replaces_an_invalid_one_which_is_kept(tmp_path: Path) -> 
     kept = tmp_path / "attempts" / spec.run_key
     assert sorted(path.name for path in kept.iterdir()) == ["1", "2"]
     inode = (folder.store.runs / spec.run_key).stat().st_ino
-    finished(folder, spec, valid=False)  # a campaign beside that one was slower
+    finished(folder, spec, valid=False)  # a concurrent campaign was slower
     assert (folder.store.runs / spec.run_key).stat().st_ino == inode
     assert folder.run_keys() == [spec.run_key]
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Virtual runs give the same bytes on processors for which the C library computes differently."""
+"""Virtual runs give the same bytes on CPUs for which the C library selects other functions."""
 
 import json
 import os
@@ -27,7 +27,7 @@ from slambed.campaign.runner import Runner
 from slambed.native import find_program
 
 OLDER_PROCESSOR = "glibc.cpu.hwcaps=-FMA,-AVX2"
-"""glibc then takes the variants of its functions that an older x86-64 processor gets."""
+"""Makes glibc select the function variants of an older x86-64 CPU."""
 SAME_CALLS = "import math\nprint([math.exp(i / 977).hex() for i in range(20000)])"
 
 
@@ -43,13 +43,13 @@ def of_libm(tunables: str) -> str:
 
 
 def has_variants() -> bool:
-    """True where glibc has something to choose from: else nothing can differ here."""
+    """Returns whether glibc has variants; otherwise nothing can differ on this CPU."""
     flags = Path("/proc/cpuinfo").read_text("ascii") if Path("/proc/cpuinfo").exists() else ""
     return os.uname().machine == "x86_64" and " fma " in flags
 
 
 def older_processor(folder: Path) -> Path:
-    """slambed-sim as it runs on an older processor."""
+    """Creates a wrapper that runs slambed-sim like on an older CPU."""
     path = folder / "slambed-sim"
     program = find_program("slambed-sim")
     path.write_text(f'#!/bin/sh\nGLIBC_TUNABLES={OLDER_PROCESSOR} exec "{program}" "$@"\n')
@@ -68,7 +68,7 @@ def play(plan: Plan, path: Path, program: Path) -> dict[str, str]:
 
 @pytest.mark.skipif(not has_variants(), reason="this C library has one variant of its functions")
 def test_the_c_library_does_differ_on_an_older_processor() -> None:
-    """Without this the test below would show nothing."""
+    """Otherwise the test below would be meaningless."""
     assert of_libm("") != of_libm(OLDER_PROCESSOR)
 
 
@@ -86,7 +86,8 @@ def test_the_program_says_what_its_results_hang_on() -> None:
 
 @needs_programs
 def test_an_older_processor_gives_the_same_bytes(tmp_path: Path) -> None:
-    """Heavy-tailed jitter, bursts of loss, tracking, mapping and an edge: all that could differ."""
+    """Covers everything that could differ: heavy-tailed jitter, loss bursts, tracking, mapping
+    and an edge."""
     plan = plan_of(write_experiment(tmp_path, make_sequence(tmp_path / "walk"), runs=1))
     here = play(plan, tmp_path / "here", find_program("slambed-sim"))
     older = play(plan, tmp_path / "older", older_processor(tmp_path))

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What segments, live: each variant of edgeslam_semantic with a segmenter beside its edge, and with
-one that is killed or hangs in the middle."""
+"""Live segmentation: each variant of edgeslam_semantic with a segmenter on its edge, and with
+one that is killed or hangs during the run."""
 
 import json
 import os
@@ -33,7 +33,7 @@ VARIANTS = ("adaptive", "no_adapt", "maskslam_offloaded")
 FLOOR_MS = 150
 FAULT_AFTER_S = 2.0
 AT_ITS_END = 2
-"""Pictures of edgeSLAM that are still to be segmented when the mobile says goodbye."""
+"""Pictures of edgeSLAM that may still be unsegmented when the mobile node ends."""
 pytestmark = [
     pytest.mark.programs,
     pytest.mark.live,
@@ -47,7 +47,7 @@ pytestmark = [
 def play(
     folder: Path, engine: str, *variants: str, faults: Sequence[dict[str, Any]] = ()
 ) -> dict[str, Run]:
-    """By variant, what may be judged: on a busy host not every run."""
+    """Returns the valid runs by variant; on a busy host some may be invalid."""
     experiment = {
         "id": "segmented",
         "title": "People cross the picture",
@@ -95,7 +95,7 @@ def test_every_picture_that_came_is_segmented_and_none_besides(engine: str, tmp_
         reported = [
             json.loads(extra) for extra in held["extra"]
         ]  # the table has no columns for them
-        # The end of a run does not wait for what is held back last.
+        # The end of a run does not wait for the last delayed masks.
         assert all(t["took_ms"] + t["held_ms"] >= FLOOR_MS - 1 for t in reported[:-1]), variant
         if variant == "maskslam_offloaded":
             assert segmented == len(run.of("frame_sent")) == len(run.of("frame_answered"))
@@ -107,7 +107,7 @@ def test_every_picture_that_came_is_segmented_and_none_besides(engine: str, tmp_
 
 
 class Fault(threading.Thread):
-    """Does this to the segmenter of each run in this folder, in the middle of the run."""
+    """Applies `meet` to the segmenter of each run in this folder, in the middle of the run."""
 
     def __init__(self, folder: Path, meet: Callable[[psutil.Process], None]) -> None:
         super().__init__(daemon=True)
@@ -150,7 +150,7 @@ def kill_container(process: psutil.Process) -> None:
 def meet_segmenters(
     engine: str, meet: Callable[[psutil.Process], None], variants: Sequence[str], folder: Path
 ) -> dict[str, Run]:
-    """Runs in the middle of which this is done to the segmenter."""
+    """Executes runs with a fault of their segmenter in the middle."""
     if engine == "docker" and not image_is_built():
         pytest.skip("needs the node image ('make images')")
     fault = Fault(folder, meet)
@@ -166,8 +166,9 @@ def meet_segmenters(
 
 
 def goes_on_without_masks(variant: str, run: Run, uploads: int) -> int:
-    """`uploads`: of edgeSLAM, that nobody can segment any more; each waits for no more than word of
-    the last one, that there is no mask. When the first picture had none."""
+    """Checks that tracking continues; returns the time of the first picture without masks.
+    `uploads`: minimum number of edgeSLAM's later keyframes, each sent after the report that the
+    previous one has no mask."""
     failed = run.of("segment_failed")
     assert len(failed) > 0, variant
     assert failed["reason"].str.contains("segmenter").all(), variant
@@ -200,7 +201,7 @@ def test_a_segmenter_that_dies_is_started_again(
         held, failed = run.of("mask_held"), run.of("segment_failed")
         assert not held["t_ns"].between(dead_ns, back_ns).any(), variant
         assert (held["t_ns"] > back_ns).sum() > 2, variant
-        # A picture may have been on its way to the dead one.
+        # One picture may have been on its way to the dead segmenter.
         assert (failed["t_ns"] > back_ns).sum() <= 1, variant
         assert run.summary["segmenter_restarts"] == 1, variant
         beside = json.loads((run.folder / "manifest.json").read_text())["sidecar"]
@@ -210,7 +211,7 @@ def test_a_segmenter_that_dies_is_started_again(
 
 @pytest.mark.nightly
 def test_tracking_goes_on_beside_a_segmenter_that_hangs(tmp_path: Path) -> None:
-    # Full offload waits for each mask, so it tracks next to nothing then.
+    # Full offload waits for each mask, so it would hardly track.
     for variant, run in meet_segmenters("local", hang, ("no_adapt",), tmp_path).items():
         dead_ns = goes_on_without_masks(variant, run, uploads=1)
         assert run.of("mask_held")["t_ns"].max() < dead_ns, variant
@@ -228,7 +229,7 @@ def test_an_edge_that_is_started_again_maps_and_segments_again(tmp_path: Path) -
         assert killed < back < since, variant
         for kind in ("keyframe_sent", "keyframe_mapped", "slice_applied", "mask_applied"):
             assert (run.of(kind)["t_ns"] >= since).sum() >= 2, (variant, kind)
-        # Nothing of the new edge is of another map than the mobile's.
+        # The new edge sends no slice of another map than the mobile node's.
         assert not (run.of("slice_declined")["t_ns"] > since).any(), variant
         tracked = run.of("frame_tracked")
         away = tracked[(tracked["t_ns"] > killed) & (tracked["t_ns"] < back)]

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Virtual runs give the same bytes whatever the number of processes, the order and the cache."""
+"""Virtual runs give the same bytes for any number of processes, order and cache state."""
 
 from pathlib import Path
 
@@ -83,7 +83,7 @@ def test_a_run_that_may_stop_at_its_first_loss_is_the_same_until_then(tmp_path: 
 
 
 def test_another_seed_is_another_run(plan: Plan, tmp_path: Path) -> None:
-    """What is compared above is not the same for want of anything that could differ."""
+    """The comparison above can detect differences."""
     folder = make(plan, tmp_path / "x", plan.specs, jobs=2, features=tmp_path / "features")
     for label in ("alone", "offloaded"):
         costs = [

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What `slambed watch` reports a campaign that runs, and that it leaves it alone."""
+"""`slambed watch` reports on a running campaign without disturbing it."""
 
 import json
 import os
@@ -23,7 +23,7 @@ from slambed.metrics.events import read_jsonl
 
 @pytest.fixture
 def results(tmp_path: Path) -> Path:
-    """A campaign of this process, with one run in hand: the files that a live one writes."""
+    """A campaign of this process with a run in progress: the files of a live campaign."""
     folder = tmp_path / "results"
     experiment = folder / "mine"
     experiment.mkdir(parents=True)

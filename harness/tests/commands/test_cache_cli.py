@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What the cache takes, and what is freed of it."""
+"""Cache sizes and pruning."""
 
 import os
 import time
@@ -18,7 +18,8 @@ MEGABYTE = 1_000_000
 
 @pytest.fixture
 def cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """A sequence of 40 days ago, one of today, features of 40 days ago, a download."""
+    """A cache with a sequence unused for 40 days, one from today, features unused for 40 days, and
+    a download."""
     monkeypatch.setenv("SLAMBED_CACHE", str(tmp_path))
     for name, days in {
         "prepared/old-1/frames.bin": 40,
@@ -91,7 +92,7 @@ def test_a_link_goes_and_what_it_leads_to_stays(cache: Path, tmp_path: Path) -> 
 
 
 def test_everything_that_is_written_into_the_cache_has_a_name() -> None:
-    """What is missing here stays root's after sudo, and nothing ever frees it."""
+    """A folder missing here would stay root's after sudo and would never be freed."""
     import slambed.campaign.prepared_inputs as inputs
     import slambed.campaign.recordings as recordings
     import slambed.data.verified as verified

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What `slambed run` does while another campaign has the host."""
+"""`slambed run` while another campaign holds the host lock."""
 
 import fcntl
 import json
@@ -40,8 +40,8 @@ HOLDER = re.escape(f"slambed run other (process {os.getpid()}), since ") + r"\d{
 
 @pytest.fixture
 def lock(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """Instead of the host's own, which others may have: so nothing of theirs may be taken for what
-    a killed campaign left."""
+    """Replaces the host's lock, which other campaigns may hold; their processes must not be taken
+    for what a killed campaign left."""
     path = tmp_path / "host.lock"
     monkeypatch.setattr("slambed.engines.reaper.reap", lambda: "")
     monkeypatch.setattr(locking, "default_lock_path", lambda: path)
@@ -60,7 +60,7 @@ def command(tmp_path: Path, *more: str) -> list[str]:
 
 
 def put_runs(tmp_path: Path) -> None:
-    """All of the experiment, as if they had been executed."""
+    """Stores all runs of the experiment, as if they had been executed."""
     library = Library()
     experiment, source = library.experiment(str(tmp_path / "walk.yaml"))
     profiles = check(experiment, source, library, "local")
@@ -92,14 +92,14 @@ def test_where_all_runs_are_there_the_report_needs_no_host(
 ) -> None:
     asked, shown = command(tmp_path), []
     monkeypatch.setattr(reporting, "show_report", lambda *expected: shown.append(expected))
-    # Nor does anybody look whether the host is quiet.
+    # The check for a quiet host does not run either.
     monkeypatch.setattr("slambed.campaign.quiet.look", lambda: pytest.fail("looked at the host"))
     put_runs(tmp_path)
     with another_campaign(lock):
         code, out, err = slambed(*asked, "--wait-for-quiet", "5")
         assert code == ExitCode.OK, err
         assert "2 runs, 2 there already" in out and len(shown) == 1
-        # One that is to be executed again does.
+        # A run that is forced needs the host.
         line = refused(ExitCode.ENVIRONMENT, *asked, "--force", "alone/walk")
         assert re.search(f"another live campaign runs on this host: {HOLDER}", line)
         assert "in /elsewhere/results/other; stop it, or wait for it with --wait" in line

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What one hears who is not root and may not look into root's home or cache."""
+"""Errors for a user who is not root and has no access to root's home or cache."""
 
 import os
 import shutil
@@ -32,7 +32,7 @@ sys.exit(run_command(sys.argv[2:]))
 
 @pytest.fixture(scope="module")
 def checkout() -> Iterator[Path]:
-    """A copy that everybody can read, wherever the real one lies."""
+    """A copy of the checkout that every user can read."""
     with tempfile.TemporaryDirectory(dir="/tmp", prefix="slambed-open-") as name:
         place, root = Path(name), repository_root()
         place.chmod(0o755)
@@ -58,10 +58,10 @@ def as_nobody(checkout: Path, *arguments: str, **environment: str) -> tuple[int,
 
 
 def refused(code: int, checkout: Path, *arguments: str, **environment: str) -> str:
-    """The one line that a refused command prints."""
+    """Returns the one line that a refused command prints."""
     found, _, stderr = as_nobody(checkout, *arguments, **environment)
     assert found == code, stderr
-    lines = stderr.strip().splitlines()  # a progress bar has cleared its line before
+    lines = stderr.strip().splitlines()  # a progress bar cleared its line first
     assert len(lines) == 1 and lines[0].startswith("error: "), stderr
     return lines[0]
 

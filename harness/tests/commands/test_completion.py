@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a shell offers when Tab is pressed, asked as the shells' own scripts ask."""
+"""Tab completion, called as the shells' own scripts call it."""
 
 import json
 import os
@@ -17,7 +17,7 @@ from slambed.spec.library import Library
 
 
 def offered(line: str, cwd: Path | None = None, **environment: str) -> list[str]:
-    """As fish asks: a value a line, what it means behind a tab."""
+    """Completes as fish does: one value per line, with its description after a tab."""
     code, out, err = slambed_process(
         cwd=cwd,
         _SLAMBED_COMPLETE="complete_fish",
@@ -119,7 +119,7 @@ def test_no_shell_asks_in_a_usual_call() -> None:
 
 
 def test_names_load_no_commands_module() -> None:
-    """What makes it fast: seconds of imports are left out."""
+    """Completion is fast because it skips seconds of imports."""
     code = """
 import sys
 from slambed.commands.main import run_command
@@ -141,7 +141,8 @@ print([name for name in ("numpy", "pandas", "matplotlib", "scipy") if name in sy
 
 
 def test_help_and_a_mistyped_name_load_no_more_than_commands() -> None:
-    """A module of commands loads what it needs when one is executed: all of it takes seconds."""
+    """Modules of commands import heavy packages only when a command is executed, because that takes
+    seconds."""
     code = """
 import sys
 from slambed.commands.main import COMMANDS, run_command
@@ -177,7 +178,7 @@ def test_every_command_and_option_that_is_named_is_there() -> None:
 
 
 def test_bash_completes_with_what_was_installed(tmp_path: Path) -> None:
-    """From --install-completion in a real bash to the names in its COMPREPLY."""
+    """Tests from --install-completion in a real bash to the names in its COMPREPLY."""
     (tmp_path / "bin").mkdir()
     program = tmp_path / "bin" / "slambed"
     program.write_text(f"#!{sys.executable}\nfrom slambed.commands.main import main\nmain()\n")

@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""`--json`: one document on standard output and nothing else, with the exit code of the words."""
+"""`--json` prints one document on standard output and nothing else, with the exit code of the text
+output."""
 
 import json
 import shutil

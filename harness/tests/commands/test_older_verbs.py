@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Commands that have a new name: the old one works for a release and says so."""
+"""Renamed commands: the former name works for one release and prints a note."""
 
 from pathlib import Path
 

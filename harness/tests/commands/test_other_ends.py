@@ -1,6 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Ends of a command that are not Ctrl-C: a lost connection, a disk that refuses a file, standard
-streams that nobody holds."""
+"""Commands that end without Ctrl-C: a lost connection, a failed write, closed standard streams."""
 
 import errno
 import os
@@ -56,7 +55,7 @@ def wait_until(come: Callable[[], bool]) -> None:
 def test_a_lost_connection_keeps_finished_runs_and_leaves_nothing(
     experiment: Path, tmp_path: Path, terminal: bool
 ) -> None:
-    """With its terminal all that a command writes goes, too; without one there is the signal."""
+    """With the terminal, a command's output is lost too; without one there is only the signal."""
     results = tmp_path / "results"
     command = [*SLAMBED, "run", str(experiment), "--no-figures", "--jobs", "2"]
     command += ["--results", str(results)]
@@ -142,7 +141,7 @@ def test_a_limit_on_the_size_of_files_is_one_line(experiment: Path, tmp_path: Pa
 
 
 def test_a_limit_on_the_size_of_files_does_not_kill_the_simulation(tmp_path: Path) -> None:
-    """A death by a signal would be a result about the system."""
+    """Death by a signal would be recorded as a result of the system."""
 
     def start() -> None:
         small_files()

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""`slambed systems`, `devices` and `experiments` know whatever there is a file of."""
+"""`slambed systems`, `devices` and `experiments` list everything that has a file."""
 
 import json
 from pathlib import Path
@@ -83,7 +83,7 @@ LISTS = ("systems", "devices", "experiments", "profiles", "data", "inputs", "mas
 def test_all_lists_are_alike(kind: str) -> None:
     code, out, err = slambed(kind, "list")
     assert code == ExitCode.OK, err
-    # Its end says how to see one.
+    # The last lines tell how to show one.
     assert f"'slambed {kind} show " in "".join(out.splitlines()[-2:])
     assert slambed(kind) == (code, out, err)
     document = slambed(kind, "list", "--json")

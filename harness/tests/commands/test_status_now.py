@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""`slambed status` and `slambed run` find the same runs, also of a file that was never run, or is
-another one than when it was."""
+"""`slambed status` and `slambed run` find the same runs, also for a file that never ran or has
+changed since."""
 
 import json
 import re
@@ -17,7 +17,7 @@ pytestmark = needs_programs
 
 @pytest.fixture
 def path(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """An experiment of two cells that was run, one run each."""
+    """Returns an experiment of two cells with one executed run each."""
     monkeypatch.setenv("SLAMBED_CACHE", str(tmp_path / "cache"))
     monkeypatch.chdir(tmp_path)
     path = write_experiment(tmp_path, make_sequence(tmp_path / "walk", 1), runs=1)
@@ -27,7 +27,7 @@ def path(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 
 def run_finds(path: Path) -> tuple[int, int]:
-    """Runs that are there, and those that `slambed run` would execute."""
+    """Returns the existing runs, and those that `slambed run` would execute."""
     code, out, err = slambed("run", str(path), "--dry-run")
     assert code == ExitCode.OK, err
     there = sum(int(n) for n in re.findall(r": (\d+) of \d+ runs there", out))
@@ -60,7 +60,7 @@ def test_of_a_changed_experiment_the_file_counts_and_not_what_was_run(
     path: Path, tmp_path: Path
 ) -> None:
     assert status_finds(str(path), expected=0) == ((2, 0), [])
-    # Another key set: one cell plays something else, the other has runs of more seeds.
+    # The set of run keys changes: one cell plays another sequence, the other has more seeds.
     path.write_text(
         path.read_text()
         .replace("sync_period_s: 0.5", "sync_period_s: 0.7")

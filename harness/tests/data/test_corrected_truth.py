@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A ground truth that was corrected where it is prepared: the numbers follow, nothing is run."""
+"""A corrected ground truth: metrics are recomputed without new runs."""
 
 import dataclasses
 import json
@@ -33,7 +33,7 @@ runs: {default: 2}
 
 @pytest.fixture(autouse=True)
 def short_room(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Two of its twenty seconds are enough, and a third of its frames."""
+    """Limits the sequence to two of its twenty seconds and a third of its frames."""
     whole = Catalog.load()
     room = whole.get("synthetic_room")
     assert room.synthetic is not None
@@ -49,7 +49,7 @@ def read(run: Path, name: str) -> dict[str, Any]:
 
 
 def bend(path: Path) -> None:
-    """Moves the true path by up to ten centimeters, as a better calibration might."""
+    """Moves the true path by up to 10 cm, like a better calibration might."""
     old = read_tum(path)
     moved = old.positions_m + np.outer(np.sin(3 * old.stamps_s), [0.1, 0.0, 0.0])
     write_path(path, Trajectory(old.stamps_s, moved, old.quaternions_xyzw))
@@ -84,20 +84,20 @@ def test_from_the_prepared_path_to_digest_and_error(tmp_path: Path) -> None:
         assert new["ate_rmse_m"] > 2 * summary["ate_rmse_m"]
         reported = read(run, "manifest.json")["results_sha256"]
         assert reported != manifest["results_sha256"] and reported == digest(run)
-        # What does not hang on the truth is what it was.
+        # Values that do not depend on the ground truth are unchanged.
         assert new["frames_tracked"] == summary["frames_tracked"]
     for path, status in measured.items():
         now = path.stat()
         assert (now.st_ino, now.st_mtime_ns) == (status.st_ino, status.st_mtime_ns)
     assert (results / "corrected" / "ledger.jsonl").read_bytes() == ledger
 
-    # Neither does the campaign take it for another one, nor are the numbers of two truths.
+    # The campaign still accepts the runs, and metrics of both ground truths are not mixed.
     assert "2 runs, 2 there already" in command("run", "corrected.yaml", "--no-figures")
     assert "changed: none" in command("report", "corrected", "--again", "--no-figures")
 
 
 def test_of_a_dataset_that_was_given_by_path(tmp_path: Path) -> None:
-    """It is in no catalog and no cache: only the experiment says where it lies."""
+    """It is in no catalog and no cache: only the experiment has its path."""
     made = Catalog.load().prepare("synthetic_room", tmp_path / "elsewhere")
     folder = made.path.rename(tmp_path / "my_room")
     experiment = EXPERIMENT.replace("synthetic_room", "./my_room").replace(
@@ -121,7 +121,8 @@ def test_of_a_dataset_that_was_given_by_path(tmp_path: Path) -> None:
     after = read(run, "summary.json")
     assert after["ate_rmse_m"] > 2 * before["ate_rmse_m"]
 
-    # Gone, or called from another folder: reported, because the kept path may be an old one.
+    # Gone, or called from another folder: reported, because the stored ground truth may be
+    # outdated.
     folder.rename(tmp_path / "moved")
     out = command("report", "corrected", "--again", "--no-figures")
     assert "note: ./my_room is not there; ground truth is what was kept beside the runs" in out

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What bags hold beside plain pictures: compressed depth, ground truth of all kinds, parts."""
+"""Bags with more than plain images: compressed depth, all kinds of ground truth, split parts."""
 
 from __future__ import annotations
 
@@ -58,7 +58,7 @@ def stamped(i: int, x: float, w: float = 1.0) -> Any:
 
 
 def write(path: Path, topics: dict[str, list[Any]]) -> Path:
-    """Messages of a topic are 100 ms apart, as their headers are."""
+    """Messages of a topic are 100 ms apart, like their headers."""
     with Writer(path) as writer:
         for topic, messages in topics.items():
             kind = messages[0].__msgtype__
@@ -144,7 +144,7 @@ def test_depth_of_another_size(tmp_path: Path) -> None:
 
 
 def test_sixteen_bits_of_gray_have_one_rule(tmp_path: Path) -> None:
-    """In folders it is the same (test_data_judged)."""
+    """Folders follow the same rule (test_data_judged)."""
     planes = [500 + 10 * gray(i).astype(np.uint16) for i in range(3)]
     raw = [image(START_NS + i * 10**8, planes[i], "mono16") for i in range(3)]
     packed = [

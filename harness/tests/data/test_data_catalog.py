@@ -29,7 +29,7 @@ def catalog(home: Path) -> Catalog:
 
 
 def entries(home: Path) -> list[str]:
-    """What lies in the cache, locks aside."""
+    """Returns the entries of the cache, without locks."""
     folder = places.prepared_folder(home / "cache")
     return sorted(p.name for p in folder.iterdir() if not p.name.endswith(".lock"))
 
@@ -176,7 +176,7 @@ def test_an_interrupt_leaves_nothing_and_the_next_call_finishes(home: Path) -> N
     with pytest.raises(KeyboardInterrupt):
         catalog(home).prepare("tiny_tum", home / "cache", interrupt)
     assert entries(home) == []
-    # What a killed process leaves is swept by the next one.
+    # The next call removes leftovers of a killed process.
     leftover = places.prepared_folder(home / "cache") / ".tiny_tum-0123.partial-99999"
     leftover.mkdir()
     (leftover / "frames.bin").write_bytes(b"half")
@@ -232,7 +232,7 @@ def test_search_path_order(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> N
 
 
 def test_parts_of_a_recording_are_in_the_order_of_their_numbers(home: Path) -> None:
-    """As ros2 bag and rosbag --split number them."""
+    """Numbered like ros2 bag and rosbag --split do."""
     for i in (0, 2, 10):
         (home / f"data/walk_{i}.mcap").write_bytes(b"")
     names = ["walk_0.mcap", "walk_2.mcap", "walk_10.mcap"]

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Download recipes: only verified ones run unasked, and nothing unverified stays behind."""
+"""Download recipes: only verified ones run without --force, and no unverified file is kept."""
 
 from __future__ import annotations
 

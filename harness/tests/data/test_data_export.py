@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""`slambed data export`: what is written is what the readers of the same format read."""
+"""`slambed data export`: readers of the same format read what was written."""
 
 from pathlib import Path
 from typing import Any
@@ -66,7 +66,7 @@ def test_kitti_comes_back_with_its_camera(tmp_path: Path) -> None:
         assert np.array_equal(mine.second, theirs.second)
     found = reader.trajectory()
     assert found is not None
-    # The walk goes 0.1 m a second along x; its poses lie between the measured ones.
+    # The walk moves 0.1 m/s along x; its poses are interpolated between the true ones.
     assert np.allclose(np.diff(found.positions_m[:, 0]), 0.01, atol=1e-6)
 
 
@@ -79,7 +79,7 @@ def test_euroc_keeps_times_poses_and_baseline(tmp_path: Path) -> None:
     truth, found = sequence.groundtruth(), reader.trajectory()
     assert truth is not None and found is not None
     assert np.allclose(found.positions_m, truth.positions_m, atol=1e-6)
-    # Rectified already: the reader's own rectification moves no pixel.
+    # Already rectified: the reader's rectification moves no pixel.
     assert np.array_equal(reader[2].gray[2:-2, 2:-2], sequence.gray(2)[2:-2, 2:-2])
 
 
@@ -108,7 +108,7 @@ def test_a_bag_comes_back_as_it_was(tmp_path: Path, sensor: str) -> None:
 
 
 def messages(folder: Path) -> dict[str, list[Any]]:
-    """By topic, as any program with ROS's types reads them."""
+    """Returns the messages by topic, as any ROS program would read them."""
     found: dict[str, list[Any]] = {}
     with AnyReader([folder], default_typestore=get_typestore(Stores.ROS2_HUMBLE)) as bag:
         for connection, _, raw in bag.messages():

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Downloads over real connections that break: they go on where they ended, from whoever has it."""
+"""Downloads over real connections that break: they resume where they ended, from any address."""
 
 from __future__ import annotations
 
@@ -24,15 +24,15 @@ SHA256 = hashlib.sha256(CONTENT).hexdigest()
 
 @dataclass
 class Site:
-    """One file on a server, and how it misbehaves."""
+    """A server with one file and configurable failures."""
 
     content: bytes = CONTENT
     cuts: list[int] = field(default_factory=list)
-    """Of the answers in their order: bytes after which the connection is cut."""
+    """For successive answers: number of bytes after which the connection is cut."""
     ranges: bool = True
     tag: str = '"one"'
     asked: list[str] = field(default_factory=list)
-    """The ranges that were asked for."""
+    """The requested ranges."""
 
 
 class Handler(BaseHTTPRequestHandler):
@@ -173,7 +173,7 @@ def test_without_a_checksum_only_the_same_state_goes_on(
     site.content, site.tag = other, '"two"'
     path, _ = fetch(unknown, tmp_path)
     assert path.read_bytes() == other and site.asked == ["", "bytes=300000-"]
-    # A server that does not name the state of its file sends all of it again.
+    # A server without a validator sends the whole file again.
     module.forget(path)
     site.tag, site.cuts = "", [300_000]
     with pytest.raises(SlambedError):

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What is judged when a recording is prepared: times, ground truth, numbers of pictures, units."""
+"""Checks when a recording is prepared: times, ground truth, numbers of images, units."""
 
 from __future__ import annotations
 
@@ -20,13 +20,13 @@ EPOCH_S = 1305031102
 
 @pytest.fixture
 def walk(tmp_path: Path) -> Path:
-    """A TUM folder that a dataset file beside it plays."""
+    """A TUM folder, played by the dataset file next to it."""
     tum_recipe(tmp_path / "datasets")
     return write_tum(tmp_path / "data/tiny_tum")
 
 
 def prepare(home: Path, name: str = "tiny_tum") -> tuple[PreparedSequence, str]:
-    """The sequence, and what was reported."""
+    """Returns the sequence and the remarks."""
     reported: list[str] = []
     catalog = Catalog.load(home / "datasets", [home / "data"])
     return catalog.prepare(name, home / "cache", notify=reported.append), "\n".join(reported)
@@ -39,7 +39,7 @@ def refused(home: Path) -> str:
 
 
 def retime(walk: Path, times: list[str], poses: list[str] | None = None) -> None:
-    """Other times for the first frames of color and depth, and for poses."""
+    """Changes the times of the first color and depth frames, and of poses."""
     names = sorted(file.name for file in (walk / "rgb").iterdir())
     for kind in ("rgb", "depth"):
         (walk / kind).rename(walk / f"{kind}.old")
@@ -177,8 +177,8 @@ def test_names_with_blanks(walk: Path, tmp_path: Path) -> None:
 
 
 def test_bytes_behind_the_end_of_a_picture(walk: Path, tmp_path: Path) -> None:
-    """As cameras pad their JPEGs, and text modes end a PNG; the thumbnail's end is not the
-    picture's."""
+    """Cameras pad their JPEGs, and text mode changes the end of a PNG; a thumbnail has its own
+    end marker."""
     png = sorted((walk / "rgb").iterdir())[0]
     png.write_bytes(png.read_bytes() + b"\r\n" + bytes(100))
     before = prepare(tmp_path)[0].checksum
@@ -256,7 +256,7 @@ def test_a_fisheye_lens_is_taken_out_and_others_are_refused_by_name(
         tmp_path / "datasets", camera=CAMERA.format(more=fisheye.format(model="equidistant"))
     )
     sequence = prepare(tmp_path)[0]
-    # A point of the scene, as the lens draws it and as it lies in the straightened picture.
+    # A scene point in the distorted image and in the undistorted one.
     matrix = np.array([[50, 0, 31.5], [0, 50, 23.5], [0, 0, 1.0]])
     pixel = np.array([[[41.0, 30.0]]])
     coefficients = np.array([0.1, 0.01, 0, 0])

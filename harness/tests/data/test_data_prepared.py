@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The prepared sequence: what is written is read, damage is named, unfinished work vanishes."""
+"""The prepared sequence: round trip, reports of damage, removal of unfinished sequences."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Readers of recorded datasets, on folders and bags made here."""
+"""Readers of recorded datasets, on folders and bags created here."""
 
 from __future__ import annotations
 
@@ -36,12 +36,12 @@ def options(**changes: Any) -> ReaderOptions:
 def test_association_takes_the_closest_pairs_first() -> None:
     ms = 1_000_000
     first = [0, 30 * ms, 60 * ms]
-    second = [12 * ms, 31 * ms, 65 * ms, 200 * ms]  # 0-12, 30-31, 60-65; 200 stays alone
+    second = [12 * ms, 31 * ms, 65 * ms, 200 * ms]  # 0-12, 30-31, 60-65; 200 has no partner
     assert pairs_of_sensors(first, second) == [(0, 0), (1, 1), (2, 2)]
     assert pairs_of_sensors(first, [15 * ms + 1, 29 * ms]) == [(0, 0), (1, 1)]
     assert pairs_of_sensors([0, 10 * ms], [9 * ms]) == [(1, 0)]
     assert pairs_of_sensors([0], [20 * ms - 1]) == [(0, 0)]
-    assert pairs_of_sensors([0], [20 * ms]) == []  # less than, as the benchmark's script
+    assert pairs_of_sensors([0], [20 * ms]) == []  # strictly less, like the benchmark's script
     assert pairs_of_sensors([], []) == []
 
 
@@ -316,7 +316,7 @@ def test_euroc_rectifies_to_the_camera_orb_slam2_uses(tmp_path: Path) -> None:
     # bf comes from the baseline of the calibration and must agree with the published 47.90639.
     assert reader.camera().bf == pytest.approx(47.90639384423901, abs=1e-4)
     assert reader.camera().cx == wanted.cx
-    # Without a camera OpenCV chooses one near it.
+    # Without a camera OpenCV chooses a similar one.
     own = load_reader("euroc")(folder, options(sensor="stereo", camera=None)).camera()
     assert own.fx == pytest.approx(435, abs=25) and own.bf / own.fx == pytest.approx(0.11, abs=1e-3)
     frames = list(reader)
@@ -324,7 +324,8 @@ def test_euroc_rectifies_to_the_camera_orb_slam2_uses(tmp_path: Path) -> None:
     assert frames[0].timestamp_ns == 1403636579763555584
     truth = reader.trajectory()
     assert truth is not None
-    # The body does not turn: the camera sits at its place on it, looking along the body's z.
+    # The body does not rotate: the camera is at its mounting position, looking along the body's z
+    # axis.
     assert truth.positions_m[0] == pytest.approx([1 - 0.02164, 2 - 0.06468, 3 + 0.00981], abs=1e-4)
 
 
@@ -346,7 +347,7 @@ def test_euroc_with_one_camera(tmp_path: Path) -> None:
     frame = reader[0]
     assert frame.second is None and frame.gray.shape == (480, 752)
     assert (reader.camera().fx, reader.camera().cx, reader.camera().bf) == (458.654, 367.215, 0)
-    # cam0 stays as it is turned on the body, without the turn of a rectification.
+    # cam0 keeps its orientation on the body, without a rectifying rotation.
     assert reader.trajectory().positions_m[0] == pytest.approx([0.97836, 1.93532, 3.00981], 1e-4)
 
 
@@ -387,7 +388,7 @@ def test_an_equidistant_rig_is_rectified_by_its_model(tmp_path: Path) -> None:
     assert not np.array_equal(reader[0].gray, plain.gray)
     left, right = (sensor.lens for sensor in reader._sensors)
     poses = [sensor.pose for sensor in reader._sensors]
-    point = np.array([0.3, -0.2, 3.0])  # seen from cam0
+    point = np.array([0.3, -0.2, 3.0])  # in the frame of cam0
     seen = []
     for lens, pose, maps in zip((left, right), poses, reader._maps, strict=True):
         own = np.linalg.inv(pose) @ poses[0] @ np.append(point, 1)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What is played where a recording is missing: it comes with the checkout, and is reported."""
+"""Stand-ins for missing recordings: part of the checkout, and reported."""
 
 from __future__ import annotations
 
@@ -87,7 +87,8 @@ def test_check_reports_what_stands_in() -> None:
     assert code == ExitCode.OK, err
     good, note, *_ = out.splitlines()
     assert good.endswith("good")
-    # What, instead of what, what follows; and what can be done: no property of the recording.
+    # The note lists the stand-in, the original, the consequence and the remedy, but nothing about
+    # the recording.
     assert note == (
         "note: synthetic_room is played instead of redkitchen: numbers of the two cannot be "
         "compared. redkitchen: no public download has it"

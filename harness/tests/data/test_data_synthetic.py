@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""slambed-synth seen from Python: the same format, the same bytes, poses that fit the pictures."""
+"""slambed-synth from Python: same format, same bytes, poses consistent with the images."""
 
 from __future__ import annotations
 
@@ -61,9 +61,9 @@ TUNED = {
 
 @pytest.mark.parametrize("name", TUNED)
 def test_sequences_tuned_once_keep_their_bytes(tmp_path: Path, name: str) -> None:
-    """Tuned with one system before others were played on them, so neither their recipes nor what
-    the generator makes of them may change: small pictures from the beginning of the way to its end.
-    When a change is meant, raise kGeneratorVersion and say so in docs/datasets.md."""
+    """Systems were tuned on them, so neither their recipes nor the generated images may change;
+    checked with small images along the whole path. For an intended change, raise
+    kGeneratorVersion and document it in docs/explanation/generated-sequences.md."""
     recipe = Catalog.load(repository_root() / "catalog" / "datasets", []).get(name)
     assert recipe.synthetic is not None
     small = recipe.synthetic.model_copy(update={"width": 160, "height": 120, "texel_scale": 10.0})
@@ -86,7 +86,7 @@ def matrix(row: np.ndarray) -> np.ndarray:
 
 
 def test_depth_and_poses_fit_each_other(tmp_path: Path) -> None:
-    """Points of frame 0 carried into frame 3 by the written poses lie where its depth says."""
+    """Points of frame 0, transformed to frame 3 by the true poses, match its depth."""
     sequence = synth(tmp_path / "s")
     camera, unit = sequence.info.camera, sequence.info.depth_unit_m
     truth = sequence.groundtruth()
@@ -104,8 +104,8 @@ def test_depth_and_poses_fit_each_other(tmp_path: Path) -> None:
     error = np.abs(seen - moved[2][inside]) / moved[2][inside]
     assert inside.mean() > 0.8
     assert np.median(error) < 0.003
-    assert (error < 0.03).mean() > 0.9  # the rest is hidden or at an edge
-    # Counter-check: with the pose of another frame the same test fails.
+    assert (error < 0.03).mean() > 0.9  # the rest is occluded or at an edge
+    # Counter-check: with the pose of another frame the test fails.
     assert np.linalg.norm(truth.positions_m[3] - truth.positions_m[0]) > 0.02
 
 

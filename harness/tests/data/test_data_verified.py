@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Every frame of a sequence is read before it is played, but not by every campaign."""
+"""Every frame of a sequence is verified before playback, but not by every campaign."""
 
 import os
 import time
@@ -15,7 +15,7 @@ from slambed.errors import SlambedError
 
 @pytest.fixture
 def read(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> list[bool]:
-    """Whether each verification was a full one."""
+    """Records whether each verification was full."""
     monkeypatch.setenv("SLAMBED_CACHE", str(tmp_path / "cache"))
     asked: list[bool] = []
     verify = PreparedSequence.verify
@@ -43,7 +43,7 @@ def test_frames_that_were_written_to_are_read_and_found_damaged(
     frames = tmp_path / "s" / "frames.bin"
     times = frames.stat()
     flip(frames, 12288 + 5)
-    # Not even a time that was put back hides it.
+    # Even a restored modification time does not hide it.
     os.utime(frames, ns=(times.st_atime_ns, times.st_mtime_ns))
     for _ in range(2):
         with pytest.raises(SlambedError, match="frame 1 does not fit its CRC"):

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Where ground truth puts points, and what a sequence's matches over gaps of time are worth."""
+"""Positions of points by ground truth, and the quality of matches over time gaps."""
 
 from pathlib import Path
 
@@ -75,7 +75,7 @@ def test_a_hidden_point_is_not_asked_for(walk: PreparedSequence) -> None:
     motion = CameraMotion.of(walk)
     first, second = (0, features_of(walk, 0)), (1, features_of(walk, 1))
     visible = compare(walk, motion, first, second).visible
-    # Something stands 1 m away where the second picture's left half is.
+    # An object at 1 m covers the left half of the second image.
     plane = np.array(walk.second(1))
     plane[:, : WIDTH // 2] = round(1.0 / UNIT_M)
 

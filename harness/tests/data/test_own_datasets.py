@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Dataset files that lie outside of the checkout."""
+"""Dataset files outside of the checkout."""
 
 import shlex
 from pathlib import Path
@@ -107,7 +107,7 @@ def test_an_id_of_ours_is_refused_in_one_line(tmp_path: Path) -> None:
     path.write_text(EXPERIMENT.format(dataset="./lab/synthetic_room.yaml"))
     line = refused(ExitCode.BAD_INPUT, "run", str(path), "--check")
     assert message in line and "one.yaml line 4" in line
-    # Whoever has put it on the search path means his own, and would get ours.
+    # A user with such a file on the search path expects it, but would get ours.
     own = {"SLAMBED_DATASETS": str(tmp_path / "lab")}
     path.write_text(EXPERIMENT.format(dataset="synthetic_room"))
     assert message in refused(ExitCode.BAD_INPUT, "run", str(path), "--check", **own)
@@ -132,7 +132,7 @@ def test_what_a_new_dataset_says_comes_next_works(tmp_path: Path) -> None:
     code, out, err = slambed("new", "dataset", "my_walk", "--folder", "my lab", cwd=tmp_path)
     assert code == ExitCode.OK, err
     file = folder / "my_walk.yaml"
-    # As many frames as a test needs.
+    # Only as many frames as the test needs.
     file.write_text(
         file.read_text().replace("seconds: 20", "seconds: 1\n  width: 160\n  height: 120")
     )

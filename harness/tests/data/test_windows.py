@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Datasets that are a part of another one, and what dataset files name for their runs."""
+"""Datasets that are part of another one, and prepared inputs named by dataset files."""
 
 from pathlib import Path
 
@@ -51,7 +51,7 @@ def test_a_window_plays_a_part_of_the_same_files(tmp_path: Path) -> None:
     )
     assert sequence.playback(Playback()).start_s == 0.5
     assert sequence.played_s(Playback()) == pytest.approx(0.4)
-    assert sequence.playback(Playback(start_s=0.2)).start_s == 0.2  # the experiment's word goes
+    assert sequence.playback(Playback(start_s=0.2)).start_s == 0.2  # the experiment overrides
 
 
 def test_a_window_is_of_a_sequence_of_its_own(tmp_path: Path) -> None:
@@ -69,7 +69,7 @@ def test_a_window_is_of_a_sequence_of_its_own(tmp_path: Path) -> None:
 
 
 def test_recipes_keep_the_keys_that_they_had_before_there_were_streets() -> None:
-    """Else every cache of the world would be made anew."""
+    """Otherwise all existing caches would become invalid."""
     found = Catalog.load()
     assert found.get("synthetic_room").content_key().startswith("76adc22ff2ad")
     assert found.get("kitti_05").content_key().startswith("83b2f0b047c8")

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The agent as it runs on a board, here: by the Python of the system, with nothing of ours."""
+"""The board's agent, executed here with the system's Python and without our packages."""
 
 import json
 import os
@@ -19,7 +19,7 @@ from slambed.spec.board import RoleHost
 
 
 def agent(*requests: object, pause_s: float = 0.0) -> list[dict[str, object]]:
-    """What it answers, in a Python that finds none of our packages."""
+    """Returns its answers, from a Python without our packages."""
     process = subprocess.Popen(
         [sys.executable, "-I", "-S", "-c", agent_source()],
         stdin=subprocess.PIPE,

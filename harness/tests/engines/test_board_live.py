@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Runs whose mobile node is on a stand-in for a board (`stand_in_board`), by its Docker over real
-ssh and a real network, with a clock of its own; the edge is here."""
+"""Runs with the mobile node on a stand-in board (`stand_in_board`): its own Docker over real
+ssh, a real network and its own clock. The edge is on this host."""
 
 import contextlib
 import json
@@ -32,7 +32,7 @@ from slambed.records.manifest import Manifest
 from slambed.spec.board import RoleHost
 
 pytestmark = [
-    # A board that boots, and campaigns on it that are given PATIENCE_S.
+    # A booting board, and campaigns on it with a timeout of PATIENCE_S.
     pytest.mark.timeout(900),
     pytest.mark.live,
     needs_root,
@@ -75,7 +75,8 @@ def cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 def command(
     tmp_path: Path, board: StandInBoard, engine: str, runs: int = 1, seconds: int = 4
 ) -> list[str]:
-    """Of a campaign without retries: what a busy machine does to a run is not the question."""
+    """Command of a campaign without retries: the validity of runs on a busy machine is not
+    tested."""
     path = write_experiment(tmp_path, make_sequence(tmp_path / "walk", seconds), runs, EXPERIMENT)
     role = json.dumps({"mobile": board.role()})
     return [
@@ -85,7 +86,7 @@ def command(
 
 
 def left_on(board: StandInBoard) -> str:
-    """Containers and volumes of runs."""
+    """Lists leftover containers and volumes of runs."""
     kept = board.over_ssh("docker", "ps", "--all", "--quiet", "--filter", "label=slambed").stdout
     volumes = board.over_ssh("docker", "volume", "ls", "--quiet", "--filter", "label=slambed")
     return kept + volumes.stdout
@@ -120,7 +121,7 @@ def test_the_mobile_node_runs_on_the_board_and_its_edge_here(
         assert summary["frames_tracked"] > 10
         assert summary["mobile_cpu_percent_mean"] > 0 and summary["mobile_mem_mb_peak"] > 1
         samples = pd.read_parquet(run / "samples.parquet").query("node == 'mobile'")
-        # On the run clock, not on that of a board that booted long before.
+        # On the run clock, not on the clock of the board, which booted much earlier.
         assert samples["t_s"].min() > -10 and samples["t_s"].max() < 60
         assert np.all(np.diff(samples["cpu_s"]) >= 0)
         if summary["device_edge"] is None:
@@ -139,7 +140,7 @@ def test_the_mobile_node_runs_on_the_board_and_its_edge_here(
     assert not list((cache / "boards").glob("*"))
     again = slambed_process(*arguments)
     assert "2 there already" in again[1]
-    # What the board has executed is nothing that is asked of this host.
+    # A result of the board does not count for this host.
     roles = next(word for word in arguments if word.startswith("roles="))
     here = ["roles=null" if word == roles else word for word in arguments]
     code, out, err = slambed_process(*here, "--dry-run")
@@ -147,7 +148,7 @@ def test_the_mobile_node_runs_on_the_board_and_its_edge_here(
 
 
 def campaign_on(board: StandInBoard, arguments: list[str]) -> "subprocess.Popen[str]":
-    """One whose mobile node is at work on the board."""
+    """Starts a campaign and waits until its mobile node runs on the board."""
     process = subprocess.Popen(
         [sys.executable, "-c", "from slambed.commands.main import main; main()", *arguments],
         stdout=subprocess.PIPE,
@@ -174,7 +175,7 @@ def test_what_a_killed_campaign_left_on_a_board_is_removed(
     reported: list[str] = []
     with host_lock("tests of boards", wait_s=PATIENCE_S):
         deadline = time.monotonic() + PATIENCE_S
-        # Its ssh may need a moment to see that nobody is there.
+        # Its ssh may need a moment to notice the lost connection.
         while left_on(board):
             assert time.monotonic() < deadline, reported
             clean_boards(reported.append)
@@ -221,7 +222,7 @@ def test_a_board_has_one_campaign_at_a_time(cache: Path, board: StandInBoard) ->
 
 @contextlib.contextmanager
 def firewall(board: StandInBoard, *words: str) -> Iterator[None]:
-    """Packets of a kind get lost on their way in."""
+    """Drops some incoming packets."""
     rule = ("INPUT", *words, "-j", "DROP")
     assert board.over_ssh("/usr/sbin/iptables", "-A", *rule).returncode == 0
     try:

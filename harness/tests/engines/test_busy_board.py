@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A board that is as busy as the papers': other work on its cores, and a map that is locked."""
+"""A board that is as busy as those of the papers: other work on its cores, and lock contention."""
 
 import json
 import threading
@@ -60,12 +60,12 @@ def test_a_background_load_is_the_devices_cpu_and_slows_nobody_while_cores_are_f
     first, second = (
         (runs[name] / "mobile" / "trajectory.txt").read_text() for name in ("idle", "busy")
     )
-    assert first == second  # one thread tracks and one maps: of four cores two are free
+    assert first == second  # one tracking and one mapping thread leave two of four cores free
 
 
 def test_tracking_and_what_mapping_writes_back_wait_for_each_other(runs: dict[str, Path]) -> None:
     assert not read_events(runs["idle"]).of("map_wait")
     waits = read_events(runs["locked"]).of("map_wait")
     assert waits and all(wait["worker"] in ("tracking", "mapping") for wait in waits)
-    # Nobody waits for longer than a frame or a write-back takes.
+    # No wait is longer than a frame or a write-back.
     assert all(0 < wait["wait_ms"] < 200 for wait in waits)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Waiting for a child: its exit code when it ends, nothing before, with and without a pidfd."""
+"""Waiting for a child: returns its exit code at its end, None before, with and without a pidfd."""
 
 import os
 import signal
@@ -16,7 +16,7 @@ from slambed.engines.child_end import end_of
 def child(
     request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch
 ) -> Iterator[subprocess.Popen[bytes]]:
-    """One that lasts until it is killed."""
+    """A child that runs until it is killed."""
 
     def refuse(pid: int, flags: int = 0) -> int:
         raise OSError(38, "not implemented")
@@ -40,6 +40,6 @@ def test_the_end_is_seen_while_waiting(child: subprocess.Popen[bytes]) -> None:
         threading.Timer(0.05, child.send_signal, [signal.SIGTERM]).start()
         code = None
         while code is None:
-            code = wait(600.0)  # less than the test's patience only because the end wakes it up
+            code = wait(600.0)  # shorter than the timeout only because the end wakes it up
         assert code == -signal.SIGTERM
         assert wait(0.0) == -signal.SIGTERM

@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A Docker daemon that is away, silent or ill costs a run an attempt; one that refuses, more."""
+"""A Docker daemon that is unreachable, silent or failing costs a run an attempt; a refusal is
+final."""
 
 import json
 import socket
@@ -29,20 +30,20 @@ pytestmark = needs_root
 
 
 def client(port: int, limit_s: float = 5.0) -> docker.DockerClient:
-    """Of the daemon there. A busy host may take a while to answer."""
+    """Returns a client of the daemon at this port; a busy host may answer slowly."""
     return docker.DockerClient(f"tcp://127.0.0.1:{port}", version="1.41", timeout=limit_s)
 
 
 @contextmanager
 def silent() -> Iterator[docker.DockerClient]:
-    """Takes connections and never says a word: no host answers within the limit."""
+    """Accepts connections but never answers."""
     with socket.create_server(("127.0.0.1", 0)) as server:
         yield client(server.getsockname()[1], limit_s=0.3)
 
 
 @contextmanager
 def away() -> Iterator[docker.DockerClient]:
-    """Nobody listens, and nobody else gets the port meanwhile."""
+    """A reserved port without a listener."""
     with socket.socket() as taken:
         taken.bind(("127.0.0.1", 0))
         yield client(taken.getsockname()[1])
@@ -50,7 +51,7 @@ def away() -> Iterator[docker.DockerClient]:
 
 @contextmanager
 def served(handler: type[BaseHTTPRequestHandler]) -> Iterator[int]:
-    """The port; a test that fails must not leave a thread that never ends."""
+    """Yields the port; the thread ends even if the test fails."""
     with HTTPServer(("127.0.0.1", 0), handler) as server, in_background(server.serve_forever):
         try:
             yield server.server_port
@@ -60,12 +61,12 @@ def served(handler: type[BaseHTTPRequestHandler]) -> Iterator[int]:
 
 @contextmanager
 def answers(code: int) -> Iterator[docker.DockerClient]:
-    """To every request with this code."""
+    """Answers every request with this code."""
 
     class Handler(BaseHTTPRequestHandler):
         def do_GET(self) -> None:
             self.rfile.read(int(self.headers.get("Content-Length") or 0))
-            # A container is there only once it was made.
+            # A container does not exist before it is created.
             self.send_response(404 if self.command == "GET" else code)
             self.end_headers()
             self.wfile.write(json.dumps({"message": f"said {code}"}).encode())
@@ -80,8 +81,8 @@ def answers(code: int) -> Iterator[docker.DockerClient]:
 
 @contextmanager
 def with_a_leftover(expected: int | None) -> Iterator[int]:
-    """Has one container, and answers whoever wants to remove it so; None: goes away instead of
-    reporting what it has."""
+    """A daemon with one container; answers its removal with this code. None: disconnects instead
+    of listing it."""
 
     class Handler(BaseHTTPRequestHandler):
         def do_GET(self) -> None:
@@ -112,7 +113,7 @@ def with_a_leftover(expected: int | None) -> Iterator[int]:
 def test_what_goes_by_itself_is_no_obstacle_to_a_campaign(
     expected: int | None, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """A helper container whose harness was killed is on its way out when the next one begins."""
+    """The helper container of a killed harness may be about to end when the next one starts."""
     with with_a_leftover(expected) as port, nodes_of_tests():
         monkeypatch.setenv("DOCKER_HOST", f"tcp://127.0.0.1:{port}")
         assert reap().containers == []
@@ -134,7 +135,7 @@ def test_a_daemon_that_goes_before_its_image_is_found_is_one_line(daemon: ExitSt
 
 
 def executor(folder: Path, asked: docker.DockerClient) -> LiveExecutor:
-    """The real engine and the real client; the daemon alone is not what it should be."""
+    """The real engine and the real client with a faulty daemon."""
     image = SimpleNamespace(id="sha256:1", tags=["slambed-node:1"])
     (folder / "sequence").mkdir()
     engine = DockerEngine(asked, image)
@@ -167,7 +168,7 @@ def test_a_campaign_tries_again_before_it_gives_up(tmp_path: Path) -> None:
     folder.create()
     ledger = Ledger(folder.path / "ledger.jsonl")
     with away() as asked, pytest.raises(PassingError, match="Connection refused"):
-        # The first run of a campaign: without a daemon no other one could do better.
+        # In the first run of a campaign: without a daemon all others would fail too.
         campaign = Runner(folder, ledger, executor(tmp_path, asked), pauses_s=(0.01, 0.02))
         campaign.run([run_spec()], Quiet())
     folder.close()

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The docker engine with a stand-in image: a shell script on the bare base."""
+"""The docker engine with a stand-in image: a shell script on the bare base image."""
 
 import contextlib
 import io
@@ -44,7 +44,7 @@ from slambed.spec.runtime import RoleRuntime, Runtime
 BASE = "debian:bookworm-slim"
 TAG = "slambed-test:stand-in"
 
-# Keeps the file contract of a node; its act is the system's name in run.json.
+# Implements the file contract of a node; the system's name in run.json selects its behavior.
 STAND_IN = r"""#!/bin/sh
 role=$2; out=/out/$role
 trap 'echo "{\"role\": \"$role\", \"stopped\": true}" > $out/node.json; exit 0' TERM
@@ -170,7 +170,7 @@ def test_containers_go_before_others_as_the_nodes_of_engine_local_do(bench: Benc
 def test_a_gpu_is_asked_for_and_a_daemon_without_one_is_reported_before_anything_plays(
     bench: Bench, image: Any
 ) -> None:
-    """The request as the daemon keeps it; no machine with a GPU is needed for either."""
+    """Checks the request that the daemon stores; this needs no GPU."""
     assert CLIENT is not None
     kept = CLIENT.containers.create(image.id, entrypoint=["/bin/true"], **gpu_options("all"))
     reported = None
@@ -207,7 +207,7 @@ def test_an_edge_container_that_dies_is_an_outcome(bench: Bench) -> None:
 def test_a_container_ended_from_outside_is_no_result(
     bench: Bench, role: str, variant: str, number: str, expected: str
 ) -> None:
-    """Docker reports it as exit code 137, as it does of a node at its memory limit."""
+    """Docker reports exit code 137, as for a node at its memory limit."""
 
     def end() -> None:
         until((bench.raw / "start.json").exists, "start.json")
@@ -239,7 +239,7 @@ def test_a_stop_request_ends_containers_quickly(bench: Bench) -> None:
     began = time.monotonic()
     with pytest.raises(InterruptedRunError):
         bench.run(docker_spec(variant="long"))
-    # On a busy host containers take their time; but the node alone would have slept for so long.
+    # Containers are slow on a busy host, but waiting for the node would have taken longer.
     assert time.monotonic() - began < 60
 
 
@@ -258,7 +258,7 @@ def test_containers_of_a_dead_harness_are_removed(bench: Bench) -> None:
 
 
 def unprivileged_run(bench: Bench, during: Callable[[], None] = lambda: None) -> RunResult:
-    """As a member of the group docker: the engine is given that it is not root."""
+    """Runs like a member of the group docker: the engine is told that it is not root."""
     bench.engine.unprivileged = True
     profile = read_profile({"name": "flat", "rtt_ms": 30}, "here")
     link = LinkSpec(backend="relay", profile="flat", content=profile.content)
@@ -300,7 +300,7 @@ def test_without_root_helpers_make_the_link_and_the_limits(bench: Bench) -> None
     assert result.link is not None and result.link.backend == "relay"
     assert result.link.died is None and (result.link.base_rtt_ms or 0) > 0
     log = pd.read_parquet(bench.raw / "link" / "link.parquet")
-    # The kernel of the node sees the latency. (How exactly is the link's own test.)
+    # The kernel of the node sees the latency; its accuracy is tested elsewhere.
     assert log[log["series"] == "probe_rtt_ms"]["value"].median() > 28
     rows = [json.loads(x) for x in (bench.raw / "samples.jsonl").read_text().splitlines()]
     assert {row["node"] for row in rows} == {"mobile", "edge"}
@@ -317,14 +317,14 @@ def test_a_helper_that_is_killed_is_a_link_that_died(bench: Bench) -> None:
         found.kill("SIGKILL")
 
     result = unprivileged_run(bench, kill)
-    # What the nodes make of a link that is gone is their result; the run is invalid.
+    # The nodes' reaction to a lost link is their result; the run is invalid.
     assert result.outcome == "completed"
     assert "the link ended in the middle of the run" in result.invalid_reasons
     assert result.link is not None and "the link ended" in str(result.link.died)
 
 
 class Between:
-    """Stands between the library and the daemon; while `cut` is set the daemon is away."""
+    """A proxy between the library and the daemon; while `cut` is set the daemon is unreachable."""
 
     def __init__(self, path: Path) -> None:
         self.path = path
@@ -361,7 +361,8 @@ class Between:
 def test_a_daemon_that_is_away_for_a_while_costs_a_run_an_attempt(
     tmp_path: Path, image: Any
 ) -> None:
-    """It goes in the middle of the first run: its containers stay, and are in nobody's way."""
+    """The daemon disappears during the first run: its containers remain without blocking later
+    runs."""
     between = Between(tmp_path / "docker.sock")
     client = docker.DockerClient(f"unix://{between.path}", timeout=10)
     folder = ResultFolder(tmp_path / "results" / "tiny")
@@ -388,6 +389,6 @@ def test_a_daemon_that_is_away_for_a_while_costs_a_run_an_attempt(
     folder.close()
     assert (verdict.done, verdict.given_up) == (2, {})
     failed = [entry for entry in ledger.read() if entry["event"] == "run_failed"]
-    # The second may meet what is left of the daemon's absence.
+    # The second run may still be affected.
     assert failed[0]["run_key"] == todo[0].run_key and len(failed) <= 2
     assert all("Docker did not answer" in entry["error"] for entry in failed)

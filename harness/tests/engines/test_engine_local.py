@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The local engine and the life of a live run, with a stand-in node."""
+"""The local engine and the life cycle of a live run, with a stand-in node."""
 
 import contextlib
 import json
@@ -63,7 +63,7 @@ class Bench:
 
 @pytest.fixture
 def bench(tmp_path: Path) -> Iterator[Bench]:
-    """Whatever a test does, no control group of a node outlives it."""
+    """Removes the cgroups of nodes after every test."""
     with nodes_of_tests():
         yield Bench(tmp_path)
         left = [folder for folder in CgroupMaker().leftovers() if folder.name != "slambed"]
@@ -92,7 +92,7 @@ CAPPED = {"cores": 1, "quota_cores": 0.8, "thread_cores": 0.3, "period_ms": 10.0
 
 
 def test_every_thread_has_a_group_with_its_cap(bench: Bench) -> None:
-    """Read back from the kernel while the node runs, and reported in the manifest."""
+    """The cap is read back from the kernel during the run, and reported in the manifest."""
     seen: list[tuple[list[int], list[int], str, str]] = []
     cpu = mounted()[0].get("cpu")
     if cpu is None:
@@ -111,9 +111,9 @@ def test_every_thread_has_a_group_with_its_cap(bench: Bench) -> None:
         assert bench.live is not None
         group = bench.live._nodes["mobile"].reader.paths.v1("cpu")
         assert group is not None
-        # A busy host may be in the middle of moving them: what counts is what it comes to.
+        # On a busy host threads may still be moving; only the final state counts.
         while not over.wait(0.01) and not (len(seen) == 3 and all(g[0] == g[1] for g in seen)):
-            with contextlib.suppress(OSError):  # of a group that goes while it is read
+            with contextlib.suppress(OSError):  # the group may disappear while it is read
                 seen[:] = [group_of(folder) for folder in group.glob("thread-*")]
 
     over = threading.Event()
@@ -165,7 +165,7 @@ CAPABILITY_SETS = ("CapInh:", "CapPrm:", "CapEff:", "CapBnd:", "CapAmb:")
 
 
 def test_a_node_is_nobody_in_particular_and_may_only_read(bench: Bench) -> None:
-    """Below folders that are closed to others, as homes are; what it writes is its own."""
+    """The input lies below private folders, like a home folder; the output belongs to the node."""
     bench.folder.chmod(0o700)
     assert bench.run(run_spec()).outcome == "completed"
     mobile = bench.folder / "raw" / "mobile"
@@ -268,27 +268,28 @@ def test_an_edge_asked_to_stop_from_outside_has_died(bench: Bench) -> None:
     with in_background(stop_edge):
         result = bench.run(spec)
     assert result.outcome == "died"
-    # As when the daemon goes down: nobody takes that for the system's own end.
+    # As when a daemon stops: this is not counted as the system's own end.
     assert result.invalid_reasons == ["the edge node was asked to stop from outside"]
 
 
 PF_EXITING = 0x4
-"""Of a process's flags in /proc/<pid>/stat (proc(5))."""
+"""Flag of a process in /proc/<pid>/stat (proc(5))."""
 
 
 @dataclass
 class EdgeProbe(IdleLink):
-    """An idle link that looks at the edge's process whenever it is asked whether it lives."""
+    """An idle link that inspects the edge's process in each liveness check."""
 
     bench: Bench | None = None
     seen: list[tuple[int, str, str, str]] = field(default_factory=list)
-    """Number, state, network namespace and control groups, each time one of them is another."""
+    """Process id, state, network namespace and cgroups, recorded at each change."""
 
     def alive(self) -> bool:
         assert self.bench is not None and self.bench.live is not None
         pid = self.bench.live._nodes["edge"].pid
-        # A process that ends leaves groups and namespaces, and is a zombie last; the kernel marks
-        # it before all that: read in this order, they are those of one that was not ending.
+        # An ending process first gets PF_EXITING, then leaves its cgroups and namespaces, and is
+        # finally a zombie. Reading the flag last ensures that the other values belong to a running
+        # process.
         try:
             groups = Path(f"/proc/{pid}/cgroup").read_text()
             network = str(netns(pid).readlink())
@@ -298,7 +299,7 @@ class EdgeProbe(IdleLink):
         state, flags = fields[0], int(fields[6])
         if flags & PF_EXITING:
             return True
-        # Running or sleeping makes no difference here.
+        # Running and sleeping are equivalent here.
         look = (pid, "T" if state == "T" else "", network, re.sub("/thread-[0-9]+", "", groups))
         if not self.seen or self.seen[-1] != look:
             self.seen.append(look)
@@ -331,7 +332,7 @@ def test_a_killed_edge_starts_again_where_it_was(bench: Bench) -> None:
     assert faults_of(bench) == [("fault_began", "kill"), ("fault_ended", "kill")]
     first, second = probe.seen[0], probe.seen[-1]
     assert first[0] != second[0]
-    assert first[1:] == second[1:]  # the same namespace and groups
+    assert first[1:] == second[1:]  # same namespace and cgroups
     assert bench.read("edge/node.json")["stopped"] is False
     threads = result.limits["edge"].threads
     assert len(threads) >= 2 and {thread.cores for thread in threads} == {0.3}

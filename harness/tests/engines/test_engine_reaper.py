@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Leftovers of a dead harness are found and removed; those of a living one are not."""
+"""Leftovers of a dead harness are removed; those of a running one are not."""
 
 import os
 import subprocess
@@ -20,7 +20,7 @@ pytestmark = needs_root
 
 @pytest.fixture(autouse=True)
 def nobody_else() -> Iterator[None]:
-    """The reaper may work only while no campaign runs on this host."""
+    """Holds the host lock: the reaper may run only without a campaign on this host."""
     with host_lock("tests of the reaper", wait_s=120):
         yield
 
@@ -37,7 +37,7 @@ def sleeper(owner: str) -> subprocess.Popen[bytes]:
 
 def test_orphans_die_and_children_of_the_living_do_not() -> None:
     dead = sleeper("999999999:1")
-    # The same number with another start time is another process: its harness is dead.
+    # The same process id with another start time means that the harness is dead.
     recycled = sleeper(f"{os.getpid()}:1")
     alive = sleeper(f"{os.getpid()}:{start_time(os.getpid())}")
     try:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""`faults:` of an experiment: what is read, when it happens, what is given it."""
+"""`faults:` of an experiment: parsing, timing and configuration."""
 
 import os
 import re
@@ -111,7 +111,7 @@ def test_a_fault_after_the_end_of_playback_is_refused(tmp_path: Path) -> None:
     text = with_faults(late)
     later = text.replace("end_s: 2", "start_s: 0.5, end_s: 2")
     assert "over at 1.5 s" in complaint_of(tmp_path, later)
-    # Where frames wait for tracking, a run may last longer than its sequence.
+    # If frames wait for tracking, a run may last longer than its sequence.
     assert matrix(tmp_path, text.replace("mode: realtime", "mode: every_frame"))
     open_end = text.replace(", end_s: 2", "")
     assert matrix(tmp_path, open_end)
@@ -121,7 +121,7 @@ def test_a_fault_after_the_end_of_playback_is_refused(tmp_path: Path) -> None:
 
 
 def test_an_end_after_that_of_the_sequence_is_refused(tmp_path: Path) -> None:
-    """What stands in for a sequence may be shorter: its length is nobody's slip."""
+    """A stand-in for a sequence may be shorter; that is not the user's mistake."""
     text = with_faults("[]")
     short = replace(HOST, played_s={"room": 0.9}, datasets={"room": ("room", "abc")})
     line = complaint_of(tmp_path, text, short)
@@ -144,7 +144,7 @@ def test_the_virtual_engine_refuses_to_kill(tmp_path: Path) -> None:
     host = Circumstances("virtual", HOST.link_backends, HOST.software, HOST.datasets)
     profiles = read_profiles(experiment, source, named)
     with pytest.raises(SlambedError) as caught:
-        # Devices of a virtual run need cost models; these systems are looked at before.
+        # Virtual devices need cost models; these systems are checked first.
         expand(
             experiment.model_copy(update={"systems": experiment.systems[1:]}),
             source,
@@ -190,7 +190,7 @@ def test_a_restart_ends_a_kill_and_the_rest_ends_by_itself() -> None:
 
 @dataclass
 class Doings:
-    """An edge that notes what is done to it."""
+    """An edge that records the actions on it."""
 
     driver: FaultDriver | None = None
     done: list[Any] = field(default_factory=list)
@@ -208,7 +208,7 @@ class Doings:
 
 
 def driver_at(now_s: float, faults: list[Fault], folder: Path) -> tuple[FaultDriver, Doings]:
-    """A driver whose run began so long ago."""
+    """Returns a driver whose run began `now_s` ago."""
     edge = Doings()
     edge.driver = FaultDriver(faults, edge, folder)
     edge.driver.start(time.monotonic_ns() - round(now_s * 1e9))
@@ -221,7 +221,7 @@ def test_what_is_due_happens_in_its_order(tmp_path: Path) -> None:
     driver.act()
     assert edge.done == ["kill", "start", "freeze"] and not driver.edge_is_dead
     assert 0 < driver.wait_s(10) <= 0.3 and driver.wait_s(0.01) == 0.01
-    driver.finish()  # an edge that stands still could not end
+    driver.finish()  # a frozen edge could not end
     assert edge.done[-1] == "thaw" and driver.wait_s(10) == 10
     driver.write()
     events = read_events(tmp_path).of("fault_began", "fault_ended")
@@ -232,14 +232,14 @@ def test_what_is_due_happens_in_its_order(tmp_path: Path) -> None:
         "freeze",
     )
     (cut,) = [e for e in events if e["fault"] == "cut"]
-    assert cut["t_ns"] == 5_000_000_000  # the link keeps its own time
+    assert cut["t_ns"] == 5_000_000_000  # the link cuts itself on time
 
 
 def test_a_fault_that_came_late_is_not_the_one_that_was_asked_for(tmp_path: Path) -> None:
     for behind_s, complaints in ((0.3, []), (1.2, ["freeze came at 5.2 s, not at 4.0 s"])):
         driver, _ = driver_at(4 + behind_s, [FREEZE], tmp_path)
         driver.act()
-        driver.finish()  # the run is over before the freeze is: that is no fault of the host
+        driver.finish()  # the run ends before the freeze; the host is not late
         assert len(driver.invalid_reasons) == len(complaints)
         for reason, expected in zip(driver.invalid_reasons, complaints, strict=True):
             assert reason.endswith(expected)
@@ -247,7 +247,7 @@ def test_a_fault_that_came_late_is_not_the_one_that_was_asked_for(tmp_path: Path
 
 @dataclass
 class Stubborn:
-    """A node that signals do not reach."""
+    """A node that ignores signals."""
 
     pid: int
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Which caches of features and pictures a virtual run gets, and which are freed."""
+"""Which feature and image caches a virtual run uses, and which are removed."""
 
 import os
 from pathlib import Path
@@ -21,7 +21,7 @@ def test_a_system_that_sends_pictures_gets_a_cache_of_them_per_quality(tmp_path:
     coarse = world(tmp_path, n_orb=500, jpeg_quality=50)["image_cache"]
     assert fine["path"] != coarse["path"] and fine["key"] != coarse["key"]
     assert Path(fine["path"]).parent == tmp_path
-    # The pictures are the same however many features are found in them.
+    # The pictures do not depend on the number of features.
     assert world(tmp_path, n_orb=900, jpeg_quality=90)["image_cache"] == fine
 
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Live runs at the pace of their devices: what is asked, what nodes are given, what is measured."""
+"""Live runs at the pace of their devices: experiment options, nodes' settings and metrics."""
 
 import json
 from pathlib import Path
@@ -71,7 +71,7 @@ def test_what_a_device_costs_is_in_the_key_of_a_paced_run(tmp_path: Path) -> Non
     meant: Any = pair.meaning()
     for node in ("device_mobile", "device_edge"):
         assert meant[node]["limits"]["quota_cores"] and meant[node]["model"]["cores"] == 2
-        # The cost of a system's own stage is there as in a virtual run.
+        # The cost of a system's own stage is included, as in a virtual run.
         assert meant[node]["model"]["stages"]["weigh"]["a_us"] == 100
 
 
@@ -241,7 +241,7 @@ def test_a_live_run_has_the_compute_times_of_its_device(tmp_path: Path) -> None:
     assert summary["outcome"] == "completed", summary["outcome_reason"]
     assert reported["mobile"]["share"] == manifest["limits"]["mobile"]["asked"]["thread_cores"]
     assert reported["edge"]["share"] == 1.0
-    # No stage is faster than the device, none has less of a CPU.
+    # No stage is faster than the device, and none gets less CPU time.
     events = pd.read_parquet(run / "events.parquet")
     stages = events[events["type"] == "stage"]
     extra = pd.DataFrame(list(stages["extra"].map(json.loads)))
@@ -252,12 +252,12 @@ def test_a_live_run_has_the_compute_times_of_its_device(tmp_path: Path) -> None:
     share = stages["node"].map({"mobile": reported["mobile"]["share"], "edge": 1.0}).to_numpy()
     assert (stages["cpu_ms"].to_numpy()[during] >= (share * charged)[during] - 0.002).all()
     extract = stages["name"].eq("extract").to_numpy()
-    assert 15 < charged[extract].mean() < 25  # what the papers' board takes, whatever this host is
+    assert 15 < charged[extract].mean() < 25  # the papers' board, whatever this host is
     assert summary["pace_ratio"] > 0.99 and summary["pace_missed"] >= 0
     report = (tmp_path / "paced" / "report.md").read_text()
     assert "Pace of the device, 1 runs" in report
 
 
 def summary_end_ns(events: pd.DataFrame) -> float:
-    """The end of playback: what runs then is cut short."""
+    """End of playback; stages running then are cut short."""
     return float(events.loc[events["type"] == "frame_tracked", "t_ns"].max())

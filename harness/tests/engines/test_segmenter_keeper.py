@@ -1,6 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A segmenter that dies in a live run is started again, now and then, and every step is
-reported."""
+"""A segmenter that dies in a live run is restarted after a pause, and every step is logged."""
 
 from collections.abc import Callable
 from itertools import pairwise
@@ -14,7 +13,7 @@ from slambed.errors import SlambedError
 
 
 class Invented:
-    """A segmenter as a test wants it."""
+    """A configurable fake segmenter."""
 
     def __init__(self) -> None:
         self.how: str | None = None
@@ -36,7 +35,7 @@ class Invented:
 
 
 class Stage:
-    """A keeper, the time, what it started, and what it reported."""
+    """A keeper with simulated time, its started segmenters and its events."""
 
     def __init__(self, monkeypatch: pytest.MonkeyPatch) -> None:
         self.now_s = 100.0
@@ -54,7 +53,7 @@ class Stage:
         return self.started[-1]
 
     def after(self, seconds: float, edge_lives: bool = True) -> list[str]:
-        """The events that this makes."""
+        """Advances the time and returns the resulting events."""
         self.now_s += seconds
         before = len(self.reported)
         self.keeper.act(lambda kind, **more: self.reported.append((kind, more)), edge_lives)
@@ -87,7 +86,7 @@ def test_one_that_died_is_started_again_and_counted(stage: Stage) -> None:
     assert stage.after(0.02) == ["segmenter_restarted"]
     assert stage.reported[-1][1] == {"restarts": 1}
     assert stage.after(60) == []
-    # What the first took died with it.
+    # The CPU time of the first segmenter died with it.
     assert (stage.keeper.restarts, stage.keeper.close()) == (1, None)
     assert [process.closed for process in stage.started] == [1, 1]
 

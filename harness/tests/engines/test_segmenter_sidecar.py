@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The segmenter of live runs as engines start it: where it lives, what it may, how it ends."""
+"""The segmenter of live runs in each engine: placement, permissions and end."""
 
 import json
 import os
@@ -45,7 +45,7 @@ pytestmark = needs_root
 
 
 class EdgeBench:
-    """An edge at the start barrier, and whatever segmenter a test asks for."""
+    """An edge at the start barrier, with segmenters on request."""
 
     def __init__(self, folder: Path) -> None:
         self.folder = folder
@@ -104,7 +104,7 @@ def test_its_masks_are_those_of_the_cache_and_its_end_reports_its_cpu_time(
     process = edge_bench.start()
     y, x = np.mgrid[:240, :320]
     known = Segmenter(load_network(OURS))
-    monkeypatch.chdir(edge_bench.folder / FOLDER)  # a socket's path has room for 107 characters
+    monkeypatch.chdir(edge_bench.folder / FOLDER)  # a socket path has at most 107 characters
     with socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as caller:
         caller.connect(SOCKET)
         for n_m, slope in ((0.8, 3), (0.6, 4)):
@@ -129,7 +129,7 @@ def test_a_network_that_cannot_be_loaded_is_one_line(edge_bench: EdgeBench) -> N
     described.write_text(text.replace(digest, "f" * 64))
     with pytest.raises(SlambedError, match="sha256 is"):
         edge_bench.start(str(described))
-    # One line each: what a segmenter that died has said stays when another is started.
+    # The log keeps the line of the dead segmenter when another one starts.
     assert (edge_bench.folder / FOLDER / LOG).read_text().count("\n") == 2
 
 
@@ -148,7 +148,7 @@ def test_it_goes_with_a_harness_that_is_killed(tmp_path: Path) -> None:
             assert len(segmenters(tmp_path)) == 1
             run.send_signal(signal.SIGKILL)
         until(lambda: segmenters(tmp_path) == [], "the end of the segmenter")
-        EdgeBench(tmp_path).close()  # and the control group with it
+        EdgeBench(tmp_path).close()  # also removes the cgroup
 
 
 def run_live(folder: Path, **changes: Any) -> RunResult:

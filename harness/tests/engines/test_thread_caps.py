@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Threads in groups of their own: on a copied v2 tree, and on this host's tree, v1 or v2. (`make
-test-netem` runs these on a kernel with cgroup v2.)"""
+"""Thread caps in cgroups: on a copied v2 tree, and on this host's tree, v1 or v2. (`make
+test-netem` runs these tests on a kernel with cgroup v2.)"""
 
 import os
 import subprocess
@@ -50,7 +50,7 @@ def scan_until(caps: ThreadCaps, done: Callable[[], bool]) -> None:
 
 
 def entering(paths: CgroupPaths) -> str:
-    """Shell code that puts the shell into the group."""
+    """Returns shell code that moves the shell to the cgroup."""
     return "".join(f"echo $$ > {file};" for file in entry_files(paths))
 
 
@@ -96,7 +96,7 @@ def test_the_kernel_has_each_thread_in_its_own_group(
     assert len(caps.threads) == 3
     assert caps.members() == {tid: [tid] for tid in caps.threads}
     assert {thread.cores for thread in caps.threads.values()} == {0.25}
-    # What the kernel says of the thread itself, not of the group.
+    # The kernel's view of the thread instead of the cgroup.
     for tid in caps.threads:
         assert f"thread-{tid}" in Path(f"/proc/{process.pid}/task/{tid}/cgroup").read_text()
     caps.release()
@@ -115,7 +115,7 @@ def test_the_number_of_an_ended_process_is_nobodys(
     process.kill()
     process.wait()
     caps.scan()
-    # The kernel gives the number to somebody else.
+    # The kernel reuses the process id.
     monkeypatch.setattr("slambed.sampling.tasks.thread_ids", lambda _: [os.getpid()])
     caps.scan()
     caps.release()
@@ -147,7 +147,7 @@ def test_groups_of_ended_threads_go_and_their_throttling_stays(
         burner.stdin.flush()
         scan_until(caps, lambda: not all(thread.alive for thread in caps.threads.values()))
         assert burner.poll() is None
-    # Its standard input was closed, and it has ended.
+    # It ended because its standard input was closed.
     caps.scan()
     assert not any(thread.alive for thread in caps.threads.values())
     assert 0 < seen_s <= caps.read_throttling()[0]

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""How long a virtual run may take: a limit of CPU time is an outcome, standing still is none."""
+"""The time limit of a virtual run: exceeding the CPU time is an outcome, idling is an error."""
 
 import contextlib
 import os
@@ -21,7 +21,7 @@ from slambed.errors import ExitCode, PassingError
 
 @pytest.fixture
 def run_of(tmp_path: Path) -> Callable[[str], VirtualRun]:
-    """A run that may compute for two seconds and stand still for one and a half."""
+    """A run with a limit of 2 s of CPU time and 1.5 s of idling."""
 
     def make(act: str) -> VirtualRun:
         (tmp_path / "raw").mkdir()
@@ -32,7 +32,7 @@ def run_of(tmp_path: Path) -> Callable[[str], VirtualRun]:
 
 
 def simulation() -> psutil.Process | None:
-    """The run's own; what other tests of this process left to be waited for has no command line."""
+    """Returns the run's process; zombies of other tests have no command line."""
     for child in psutil.Process().children():
         with contextlib.suppress(psutil.ZombieProcess, psutil.NoSuchProcess):
             if "sim.json" in child.cmdline():
@@ -43,7 +43,7 @@ def simulation() -> psutil.Process | None:
 def test_a_run_that_computes_for_too_long_has_timed_out(
     run_of: Callable[[str], VirtualRun],
 ) -> None:
-    # However little the host leaves it: what is asked here is not whether it stands still.
+    # Independent of the CPU time that the host provides: idling is not tested here.
     result = replace(run_of("burn"), idle_limit_s=300.0).execute(threading.Event())
     assert result.outcome == "timed_out"
     assert result.reason == "slambed-sim had not finished after 2 s of CPU time"
@@ -62,7 +62,7 @@ def test_a_run_that_stands_still_is_a_failure_that_may_pass(
 def test_a_host_that_leaves_a_run_little_time_changes_no_outcome(
     run_of: Callable[[str], VirtualRun],
 ) -> None:
-    """It is stopped for longer than it may compute, and still has its two seconds of CPU time."""
+    """It is stopped for longer than its limit, and still gets its two seconds of CPU time."""
     run, spent = replace(run_of("burn"), idle_limit_s=300.0), []
     began_s = time.monotonic()
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The time line and the story of a run say what its events say."""
+"""The timeline and the story of a run agree with its events."""
 
 import re
 from pathlib import Path
@@ -26,7 +26,8 @@ pytestmark = needs_programs
 
 @pytest.fixture(scope="module")
 def results(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A device too slow for its frames, and a lens that is covered for a while."""
+    """Runs with a device that is too slow for its frames, and a lens that is covered for a
+    while."""
     folder = tmp_path_factory.mktemp("explain")
     dark = ("--trajectory", "office", "--blackout-start-s", "3", "--blackout-end-s", "4.5")
     sequence = make_sequence(folder / "walk", 8, *dark)
@@ -46,7 +47,7 @@ def run_of(results: Path, label: str) -> RunLog:
 @pytest.fixture(scope="module")
 def offloaded(results: Path) -> RunLog:
     log = run_of(results, "offloaded")
-    # What the tests below look for is there to be found.
+    # The events that the tests below need exist.
     for kind in ("track_lost", "frame_dropped", "update_applied", "rtt_sample", "keyframe_created"):
         assert len(log.of(kind)), kind
     return log

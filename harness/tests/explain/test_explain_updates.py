@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Staged updates and rests of updates, as the time line and the story of a run show them."""
+"""Staged updates and suspensions of updates in the timeline and the story of a run."""
 
 from collections.abc import Iterator
 from pathlib import Path
@@ -28,7 +28,7 @@ def event(t_s: float, kind: str, **fields: Any) -> dict[str, Any]:
 FRAMES = [event(t, "frame_tracked", state="ok", inliers=90) for t in (0.0, 5.0, 10.0)]
 STAGE = event(0.5, "stage", worker="tracking", name="track", wall_ms=20.0)
 DECLINED = event(0.9, "update_declined", update=1, reason="few keyframes")
-TWICE = [  # one swapped at once, one after a rest
+TWICE = [  # one swapped at once, one after a suspension
     event(1.0, "update_begun", update=2),
     event(1.25, "update_ready", update=2),
     event(1.2585, "update_applied", update=2, pause_ms=0.6, t_mu_ms=250.0),
@@ -39,7 +39,7 @@ TWICE = [  # one swapped at once, one after a rest
     event(3.5, "resumed"),
     event(3.524, "update_applied", update=3, pause_ms=2.0, t_mu_ms=90.0),
 ]
-RESTARTED = [  # an edge that counts from the beginning again; update 4 was left with the old one
+RESTARTED = [  # a restarted edge numbers from the start; update 4 was lost
     event(4.0, "update_begun", update=4),
     event(5.0, "update_declined", update=2, reason="fast motion"),
     event(6.0, "update_begun", update=2),
@@ -55,7 +55,7 @@ RESTARTED = [  # an edge that counts from the beginning again; update 4 was left
 def log_of(*events: dict[str, Any]) -> RunLog:
     table = pd.DataFrame([*FRAMES, STAGE, DECLINED, *events])
     for column in ("update", "pause_ms", "t_mu_ms", "reason"):
-        table[column] = table.get(column)  # a run's table has them all, seen or not
+        table[column] = table.get(column)  # a run's table has all columns
     table = table.sort_values("t_s", kind="stable").reset_index(drop=True)
     return RunLog(Path("run"), "run", table, link=None)
 
@@ -77,7 +77,7 @@ def names(axes: Axes) -> list[str]:
 
 
 def lane(axes: Axes, name: str, kind: type) -> list[np.ndarray]:
-    """The x of each mark in this lane."""
+    """Returns the x of each mark in this lane."""
     place = names(axes).index(name)
     return [
         path.vertices[:, 0]

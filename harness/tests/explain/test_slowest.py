@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What held the longest frames up: computing, limits, the host, earlier frames."""
+"""Reasons of the slowest frames: computing, limits, the host, earlier frames."""
 
 from pathlib import Path
 from typing import Any
@@ -37,8 +37,8 @@ def run_of(
     virtual: bool = False,
     further: list[dict[str, Any]] | None = None,
 ) -> RunLog:
-    """Frames that take 20 ms of CPU time, one of which is reported otherwise; the counters grow
-    while that one is tracked."""
+    """Returns frames of 20 ms of CPU time, except one; the counters grow while that one is
+    tracked."""
     events: list[dict[str, Any]] = list(further or [])
     for frame in range(FRAMES):
         timed_ms, used_ms = (wall_ms, cpu_ms) if frame == slow else (USUAL_MS, USUAL_MS)
@@ -112,7 +112,7 @@ def test_no_part_is_more_than_its_counter_grew() -> None:
 
 
 def test_no_part_is_more_than_is_missing() -> None:
-    # Counters are of all threads: mapping was held back far longer than tracking.
+    # Counters cover all threads: mapping was throttled far longer than tracking.
     found = the_slowest(run_of(7, wall_ms=80.0, cpu_ms=60.0, throttled_s=0.3, run_delay_s=0.4))
     assert found.throttled_ms == pytest.approx(15.0)
     assert found.stalled_ms == pytest.approx(5.0)
@@ -120,7 +120,7 @@ def test_no_part_is_more_than_is_missing() -> None:
 
 
 def test_stages_and_what_ran_beside_are_reported() -> None:
-    # Half of the bundle lies within the frame, which takes from 0.70 to 0.78 s.
+    # Half of the bundle adjustment overlaps the frame, which takes from 0.70 to 0.78 s.
     bundle = stage(0.74, "bundle", "mapping", 80.0, 80.0)
     found = the_slowest(run_of(7, wall_ms=80.0, cpu_ms=80.0, further=[bundle]))
     assert found.stages == {"extract": pytest.approx(48.0), "track": pytest.approx(32.0)}

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The lines that report a run: what a run need not be made for."""
+"""Lines of the story that can be tested without a real run."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -68,7 +68,8 @@ def test_how_a_run_ended_and_why_it_is_invalid_is_reported() -> None:
 
 
 def stalled_run(steal_s: float, **status: Any) -> RunLog:
-    """Twenty extractions, of which one at 10 s was held up for 150 ms, and one loss at 10.5 s."""
+    """Returns twenty extractions, one of which stalled for 150 ms at 10 s, and one loss at 10.5
+    s."""
     events = [
         {
             "t_s": float(i),

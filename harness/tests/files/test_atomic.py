@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Files that are there whole or not at all."""
+"""Atomic files."""
 
 import signal
 import subprocess
@@ -16,7 +16,7 @@ def names(folder: Path) -> list[str]:
 
 
 def another_process(path: Path, lines: str, rivals: bool = False) -> int:
-    """What it ends with after these lines of Python, within the block that writes `path`."""
+    """Returns the exit code of these Python lines, executed in the block that writes `path`."""
     script = "import os, signal, sys, pathlib\nfrom slambed.files.atomic import replacing\n"
     script += f"with replacing(pathlib.Path(sys.argv[1]), rivals={rivals}) as out:\n    {lines}\n"
     return subprocess.run([sys.executable, "-c", script, str(path)], check=False).returncode
@@ -82,7 +82,7 @@ def test_who_waits_for_a_file_that_another_makes_says_so(tmp_path: Path) -> None
         def notify(line: str) -> None:
             reported.append(line)
             if len(reported) == 1:
-                first.close()  # the other one has ended
+                first.close()  # the other process has ended
 
         with path.open("w") as second:
             lock_file(second, "makes it", notify)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Folders that a user named."""
+"""Folders named by the user."""
 
 import os
 import tempfile
@@ -13,7 +13,7 @@ REFUSED, TAKEN = 42, 43
 
 
 def test_a_folder_that_is_there_and_not_ours_is_refused_at_once() -> None:
-    # Not below pytest's own folder, which nobody else may enter.
+    # Not below pytest's private folder, which other users cannot enter.
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         folder.chmod(0o555)

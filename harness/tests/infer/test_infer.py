@@ -1,6 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Likelihood, intervals, spread of points and search of an inference, against closed forms and a
-known truth."""
+"""Likelihood, intervals, spread of points and search, against closed forms and a known truth."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
@@ -68,7 +67,7 @@ def test_a_share_is_predicted_as_simulation_does() -> None:
 def test_one_point_predicts_the_quantiles_of_its_law(bad: int, runs: int) -> None:
     law = stats.betabinom(100, bad + 0.5, runs - bad + 0.5)
     found = predict_share([Share(bad, runs)], ALONE, Share(50, 100))
-    # The mid-p ends and those of the plain quantiles differ by a count at most.
+    # The mid-p ends and the plain quantiles differ by at most one count.
     assert abs(found.low - law.ppf(0.025)) <= 1 and abs(found.high - law.ppf(0.975)) <= 1
 
 
@@ -140,7 +139,8 @@ def test_rounds_double_up_to_the_last() -> None:
 
 @dataclass
 class Truth:
-    """A world whose losses are known functions of what is open; the paper's are at `true`."""
+    """A model whose losses are known functions of the open items; the paper's are those at
+    `true`."""
 
     seed: int
     true: dict[str, float] = field(init=False)
@@ -231,7 +231,7 @@ def test_predictions_cover_what_they_say(worlds: list[tuple[Truth, FitResult]]) 
 
 
 def test_predictions_of_another_world_do_not_cover(worlds: list[tuple[Truth, FitResult]]) -> None:
-    """What is printed elsewhere lies outside: the intervals say something."""
+    """Numbers of another world are outside, so the intervals are informative."""
     found = []
     for (truth, fit), (other, _) in pairwise(worlds[:20]):
         for beside in truth.predict(fit):

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Plans of inferences: what is refused in one line, and whether results keep to a plan."""
+"""Plans of inferences: errors in one line, and whether results keep to a plan."""
 
 import subprocess
 from collections.abc import Callable
@@ -87,7 +87,8 @@ def test_every_plan_of_the_checkout_is_whole_and_its_cells_are_printed() -> None
         assert file.parents[1].name == plan.paper
         known = cells_of(read_papers([plan.paper])[0])
         assert set(plan.fit) | set(plan.held_out) <= set(known)
-        # What the paper's sequence looks like is one of the three, in steps or not.
+        # The item for the sequence's appearance counts as one of the three scalars, even as a list
+        # of values.
         kinds = [item for item in plan.open.values() if item.range or str(item.set).startswith("d")]
         assert len(kinds) <= 3, "more scalars are no fit but a search for one"
         assert len(plan.open) - len(kinds) <= 4, "readings of what the paper may mean"

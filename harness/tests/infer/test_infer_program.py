@@ -21,7 +21,7 @@ pytestmark = needs_programs
 
 @dataclass(frozen=True)
 class Room:
-    """Two sequences, one of which is black for a while."""
+    """Two sequences, one of which has black frames for a while."""
 
     folder: Path
 
@@ -79,19 +79,19 @@ def test_what_was_open_is_found_and_predicts(room: Room, tmp_path: Path) -> None
     bright = [p for p in found["points"] if p["values"]["pictures"] == room.walk]
     assert bright and not any(p["kept"] for p in bright)
     assert found["registered"], found["registration"]
-    assert found["stand_ins"] == ["dark"]  # the paper's is the one in the light
+    assert found["stand_ins"] == ["dark"]  # the paper's sequence is the bright one
     fitted, held_out = found["fitted"], {b["cell"]: b for b in found["held_out"]}
     assert [b["inside"] for b in fitted] == [True]
     assert held_out["small.T1.losses.alone"]["inside"]
     assert held_out["small.T1.time.alone"]["low"] < held_out["small.T1.time.alone"]["high"]
-    # Back in the light nothing is lost, and the printed 92 of 100 are far off.
+    # On the bright sequence nothing is lost, so the printed 92 of 100 are far off.
     (light,) = (b for b in found["attribution"] if b["item"] == "pictures")
     assert light["counts"]["small.T1.losses.helped"] == [0, 6]
     page = (tmp_path / "results/inference/dark/index.html").read_text()
     assert found["digest"] in page and "committed unchanged" in page
     assert "<script" not in page and "http" not in page.replace("http://www.w3.org", "")
 
-    # Again: nothing is executed, and the page says the same.
+    # The second call executes nothing and writes the same page.
     before = RunStore(tmp_path / "results").keys()
     stamps = {k: (tmp_path / "results/runs" / k).stat().st_mtime_ns for k in before}
     code, _, err = slambed("infer", str(plan), cwd=tmp_path)
@@ -100,7 +100,7 @@ def test_what_was_open_is_found_and_predicts(room: Room, tmp_path: Path) -> None
     assert RunStore(tmp_path / "results").keys() == before
     assert {k: (tmp_path / "results/runs" / k).stat().st_mtime_ns for k in before} == stamps
 
-    # Bent after a look at what came out: other margins for success, the same runs.
+    # The plan is changed after the results: other criteria, the same runs.
     room.plan(tmp_path, within_log=4.0)
     code, _, err = slambed("infer", str(plan), cwd=tmp_path)
     assert code == 0, err

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Two local nodes joined by the real relay; skipped where the relay is not built."""
+"""Two local nodes connected by the real relay; skipped without the relay."""
 
 import threading
 from pathlib import Path
@@ -62,7 +62,7 @@ def test_a_run_records_what_its_link_delivered(tmp_path: Path) -> None:
     log = pd.read_parquet(raw / "link" / "link.parquet")
     probes = log[(log["series"] == "probe_rtt_ms") & (log["t_s"].between(0, 2))]
     assert len(probes) > 20
-    # The kernel of the nodes sees the latency: it rises. (How exactly is the link's own test.)
+    # The kernel of the nodes sees the rising latency; its accuracy is tested elsewhere.
     assert probes["value"].median() > 12
     assert result.link.proof.asked_ms_mean == pytest.approx(20, abs=2)
 
@@ -105,7 +105,7 @@ def test_a_relay_killed_in_mid_run_is_an_outcome_and_the_campaign_goes_on(tmp_pa
     assert "the link ended in the middle of the run" in first["invalid_reason"]
     assert "the link ended in the middle of the run" in manifest.invalid_reasons
     assert "signal 9" in manifest.link.died
-    # What the mobile node made of it is there: it played to its end.
+    # The mobile node's result is available: it played to its end.
     assert first["frames_total"] == 20
     if is_valid_run(second, attempts=1):
         assert second["outcome"] == "completed" and second["frames_total"] == 20
@@ -126,8 +126,8 @@ AT_SET_UP = {"at once": "", "after it was ready": f"echo '{READY}'; sleep 0.1"}
 def test_a_relay_killed_at_set_up_costs_an_attempt(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, before: str, helper: bool
 ) -> None:
-    """Also where it is a helper that keeps the link: what it reports stays what it is. A relay that
-    was ready takes its devices along."""
+    """Also if a helper holds the link, whose report is unchanged. A relay that was ready removes
+    its devices."""
     relay, programs = find_program("slambed-relay"), tmp_path / "bin"
     programs.mkdir()
     script = programs / "slambed-relay"

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Choosing a backend, the plain pair, and netem where the kernel has it (or `make test-netem`)."""
+"""Backend choice, the plain pair, and netem if the kernel has it (or `make test-netem`)."""
 
 import socket
 import struct
@@ -94,7 +94,7 @@ def test_netem_is_given_nanoseconds_limit_and_rate() -> None:
 
 
 def proved(backend: str, ends: Ends, profile: Profile, log_dir: Path, seconds: float) -> LinkRecord:
-    """What a link says of itself after some seconds."""
+    """Returns the record of a link after some seconds."""
     with open_link(backend, *ends, profile, 1, log_dir) as link:
         link.start(time.monotonic_ns())
         time.sleep(seconds)
@@ -126,8 +126,8 @@ def test_without_netem_one_line_says_so(ends: Ends, tmp_path: Path) -> None:
 @needs_root
 @pytest.mark.skipif(not netem_available(), reason="this kernel has no netem: make test-netem")
 class TestNetem:
-    """The kernel's own emulation. Medians are judged: one late wake-up of the machine is not
-    netem's."""
+    """The kernel's emulation, judged by medians: a late wake-up of this machine is not netem's
+    error."""
 
     @again_when_late
     def test_a_constant_profile_is_delivered_and_proved(self, ends: Ends, tmp_path: Path) -> None:

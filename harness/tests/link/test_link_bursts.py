@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Bursts in time on backend netem: the chain of relay and simulation, switched at its times."""
+"""Time-based bursts on backend netem: the same chain as relay and simulation, switched on time."""
 
 import struct
 from pathlib import Path
@@ -19,8 +19,8 @@ TURNS_NS = {
     0: [80247019, 180761820, 1320400379, 1457263917, 1673072515, 1851620767],
     1: [889268368, 1483319504, 4201529243, 4355098889, 6842238566, 7003469677],
 }
-"""Of seed 3, from a good state on. BurstsInTimeAreThoseOfTheHarness (systems/core/link) has the
-same numbers."""
+"""For seed 3, starting in the good state. BurstsInTimeAreThoseOfTheHarness (systems/core/link)
+has the same numbers."""
 
 
 @pytest.mark.parametrize("direction", TURNS_NS)
@@ -74,7 +74,7 @@ def test_in_a_burst_the_kernel_is_set_to_lose_all() -> None:
 
 
 class SimulatedTime:
-    """The clock of netem's thread, which only its own waiting moves; over after so many seconds."""
+    """A clock for netem's thread that advances only in its waits; ends after some seconds."""
 
     def __init__(self, end_s: float) -> None:
         self.now_ns, self._end_ns = 10**9, 10**9 + round(end_s * 1e9)
@@ -86,7 +86,7 @@ class SimulatedTime:
         return self.now_ns / 1e9
 
     def wait(self, seconds: float) -> None:
-        # A thread wakes a little late, never early.
+        # A thread wakes up late, but never early.
         self.now_ns += round(seconds * 1e9) + 50_000
 
     def is_set(self) -> bool:
@@ -96,7 +96,7 @@ class SimulatedTime:
 
 
 class RecordingEnd:
-    """What one device's netem was given, and when."""
+    """Records the settings of one device's netem with their times."""
 
     def __init__(self, clock: SimulatedTime) -> None:
         self.reported: list[tuple[int, NetemSettings]] = []
@@ -108,7 +108,7 @@ class RecordingEnd:
     def close(self) -> None: ...
 
     def turns_s(self, t0_ns: int) -> list[float]:
-        """When losses were switched on or off."""
+        """Returns the times at which loss was switched on or off."""
         steps = zip(self.reported, self.reported[1:], strict=False)
         return [(at - t0_ns) / 1e9 for (_, old), (at, new) in steps if new.lost != old.lost]
 
@@ -123,7 +123,7 @@ class NoPair:
 def test_losses_are_switched_at_the_chains_times(
     rtt: object, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """A constant profile is followed for its bursts alone, and bursts go on when a ramp is over."""
+    """A constant profile is followed only for its bursts, which also continue after a ramp."""
     clock = SimulatedTime(30.0)
     ends: list[RecordingEnd] = []
 

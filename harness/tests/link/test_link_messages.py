@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Messages through the modeled link, and the same ones through the relay."""
+"""Messages through the modeled link and through the relay."""
 
 import json
 import os
@@ -33,7 +33,7 @@ def test_a_small_message_takes_half_the_rtt() -> None:
 
 
 def test_slow_start_costs_a_round_trip_per_doubling() -> None:
-    """10, 20, 40 segments of a fresh connection: half, one and a half, two and a half RTTs."""
+    """10, 20, 40 segments of a new connection need 0.5, 1.5 and 2.5 RTTs."""
     for segments, trips in ((10, 0.5), (11, 1.5), (30, 1.5), (31, 2.5), (70, 2.5)):
         size = segments * SEGMENT
         (took,) = virtual_ms(bench_profile(80.0, None), Trace.of((size,), 1))
@@ -53,7 +53,7 @@ def test_a_rate_serializes() -> None:
     packets = 640_000 / SEGMENT
     wire_bytes = 640_000 + packets * 52
     serial_ms = wire_bytes * 8 / 10e6 * 1e3
-    # The queue overflows once: some segments are sent twice.
+    # The queue overflows once, so some segments are retransmitted.
     assert serial_ms < took < 1.05 * serial_ms
 
 
@@ -68,7 +68,7 @@ BURSTS = parse_profile(
 
 
 def test_bursts_in_time_never_stall_tcp_for_long() -> None:
-    """250 messages of 25 kB at 10 Hz: a burst costs a time-out or two, whatever the seed."""
+    """250 messages of 25 kB at 10 Hz: a burst costs one or two timeouts for any seed."""
     trace = Trace.steady(250, 25_000, 10.0)
     for seed in range(1, 9):
         took = virtual_ms(BURSTS, trace, seed)
@@ -76,7 +76,7 @@ def test_bursts_in_time_never_stall_tcp_for_long() -> None:
 
 
 def test_an_outage_is_over_a_few_round_trips_after_the_time_out() -> None:
-    """A window of lost segments comes back in slow start, not one segment per round trip."""
+    """A lost window is recovered in slow start, not by one segment per RTT."""
     profile = parse_profile(
         {
             "name": "cut",
@@ -102,7 +102,7 @@ def test_live_and_model_meet_the_same_bursts() -> None:
 @needs_root
 @pytest.mark.skipif(not Path("/dev/net/tun").exists(), reason="needs /dev/net/tun")
 def test_the_relay_shows_the_same_shape() -> None:
-    """Not how fast this machine is: only what is far beyond any load."""
+    """Loose limits, which only a gross error exceeds on a loaded machine."""
     table = compare([(80.0, None)], (1_000, 160_000), repetitions=3)
     small, large = table["live_ms"]
     assert small >= 39.0 and large >= small + 2 * 80.0

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The RTT proof bears a clock that somebody sets in the middle of a run: kernel stamps are of the
-time of day, run time is not."""
+"""The RTT proof tolerates a clock change during a run: kernel timestamps use the time of day,
+run time does not."""
 
 import time
 
@@ -13,7 +13,7 @@ IP_HEADER = bytes([0x45]) + bytes(19)
 
 
 class Clocks:
-    """Both clocks of a machine whose time of day may be set."""
+    """Both clocks of a machine whose time of day may change."""
 
     def __init__(self) -> None:
         self.now_ns = 5_000 * MS
@@ -25,7 +25,7 @@ class Clocks:
 
 
 class Silent:
-    """A socket that takes everything."""
+    """A socket that accepts everything."""
 
     def sendto(self, packet: bytes, target: tuple[str, int]) -> None: ...
 
@@ -42,7 +42,7 @@ def test_a_clock_that_is_set_changes_no_echo(hours: int, monkeypatch: pytest.Mon
     for number in range(10):
         pinger.send()
         pinger._kernel_sent[number] = clocks.read(time.CLOCK_REALTIME)
-        if number == 5:  # while an echo is under way
+        if number == 5:  # while an echo is in flight
             clocks.set_by_ns = hours * 3600 * 10**9
         clocks.now_ns += 20 * MS
         reply = HEADER.pack(ECHO_REPLY, 0, 0, pinger._identifier, number + 1) + PAYLOAD

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Profiles: values over time, files, references, and one clear line for each mistake."""
+"""Profiles: values over time, files, references, and a one-line error for each mistake."""
 
 import json
 import math
@@ -52,7 +52,7 @@ def test_half_of_the_rtt_goes_each_way_unless_said_otherwise() -> None:
 def test_duration_is_when_nothing_changes_any_more() -> None:
     assert load_profile("none").duration == 0
     assert load_profile("ramp_85").duration == 86
-    assert load_profile("sine").duration == 87  # as the paper plays it
+    assert load_profile("sine").duration == 87  # as played in the paper
     wave = {"sine": {"mean_ms": 9, "amplitude_ms": 1, "period_s": 4}}
     assert parse_profile(inline(wave), "here").duration is None
 

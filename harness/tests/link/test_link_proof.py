@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The verdict over a link, on made-up echoes; schedules; the packet log."""
+"""The link's verdict for synthetic echoes; schedules; the packet log."""
 
 from pathlib import Path
 
@@ -18,7 +18,7 @@ BASE = 0.2
 
 
 def echoes(profile: Profile, seconds: float, error_ms: float = 0.0, lost: float = 0.0) -> Echoes:
-    """20 Hz echoes over this profile, all wrong by `error_ms`, the last share lost."""
+    """20 Hz echoes over this profile, all with error `error_ms`, the last share lost."""
     sent_s = np.arange(0, seconds, 0.05)
     rtt = expected_rtt_ms(profile, sent_s, ExtraDelays.none(len(sent_s))) + BASE + error_ms
     rtt[len(rtt) - int(lost * len(rtt)) :] = np.nan
@@ -86,7 +86,7 @@ def test_what_a_cut_takes_is_not_missed() -> None:
     sent_s = (seen.sent_ns - T0) / 1e9
     seen.rtt_ms[(sent_s > 1.99) & (sent_s < 7)] = np.nan
     assert verdict(profile, seen).valid
-    # What is lost besides is missed all the same, and a gap that only holds loses nothing.
+    # Other losses still count, and a gap that only delays loses nothing.
     seen.rtt_ms[sent_s > 8] = np.nan
     assert "RTT probes came back" in verdict(profile, seen).reason
     held = parse_profile(cut | {"gap_mode": "hold"}, "here")

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The relay between two real network namespaces. Accuracy is asserted loosely, by medians: the
-machine that runs the tests may be busy; docs/link.md has the measured figures."""
+"""The relay between two real network namespaces. Accuracy has loose limits on medians because
+the machine may be busy; docs/explanation/link.md lists measured values."""
 
 import contextlib
 import json
@@ -127,7 +127,7 @@ def test_same_seed_same_drops(ends: Ends, tmp_path: Path) -> None:
 
 @again_when_late
 def test_tcp_knows_the_rtt_although_the_receiver_is_slow(ends: Ends, tmp_path: Path) -> None:
-    """An answer 35 ms late would carry the acknowledgment, and tcpi_rtt would be 55 ms."""
+    """The ACK would come with the answer 35 ms later, and tcpi_rtt would be 55 ms."""
     with start(ends, tmp_path, 20, probe_hz=0):
         server = inside(ends[1], lambda: socket.create_server(("10.77.0.2", 4711)))
         client = inside(ends[0], lambda: socket.create_connection(("10.77.0.2", 4711), 5))
@@ -155,7 +155,7 @@ def test_a_rate_limits_tcp_and_its_queue_is_logged(ends: Ends, tmp_path: Path) -
     assert record.drops["up"] > 0
     queue = record.frame[record.frame["series"] == "queue_bytes_up"]["value"]
     assert 15000 < queue.max() <= 30000
-    # Echoes wait in that queue too; the proof takes it from the packet log and still holds.
+    # Echoes wait in the same queue; the proof deducts that by the packet log and stays valid.
     assert record.proof.valid, record.proof.reason
 
 
@@ -290,7 +290,7 @@ def test_a_start_file_reports_time_zero_too(ends: Ends, tmp_path: Path) -> None:
     start_file, log = tmp_path / "start.json", tmp_path / "packets.bin"
     config = tmp_path / "relay.json"
     options = {"start_file": str(start_file), "packet_log": str(log)}
-    # Nothing in the first tenth of a second, 20 ms afterwards: time zero is long over.
+    # No delay for 0.1 s, then 20 ms: time 0 is long past.
     delays = {"delay_us": [0] * 10 + [20000]}
     config.write_text(json.dumps(relay_config(ends, up=delays, down=delays, **options)))
     with subprocess.Popen(
@@ -319,12 +319,12 @@ def test_options_reach_the_link(ends: Ends, tmp_path: Path) -> None:
 
 
 def test_a_flood_does_not_deafen_the_relay(ends: Ends, tmp_path: Path) -> None:
-    """Signals and commands are served although there is always another packet to move."""
+    """Signals and commands are handled despite a constant stream of packets."""
     stopped = threading.Event()
     sender = inside(ends[0], lambda: socket.socket(socket.AF_INET, socket.SOCK_DGRAM))
 
     def flood() -> None:
-        # Ends with the device at the latest.
+        # Ends at the latest when the device is removed.
         with contextlib.suppress(OSError):
             while not stopped.is_set():
                 sender.sendto(bytes(40), ("10.77.0.2", 9))

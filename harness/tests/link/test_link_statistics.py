@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Loss and jitter in standard errors: what is as asked passes, what is not is seen; and real
-packets of the relay, briefly."""
+"""Loss and jitter in standard errors: correct samples pass, wrong ones are detected; and a short
+test of the relay's real packets."""
 
 import numpy as np
 import pytest
@@ -54,7 +54,7 @@ def test_samples_as_asked_are_within_the_limit() -> None:
 def test_samples_that_are_not_as_asked_are_outside() -> None:
     lost = np.random.default_rng(4).random(PACKETS) < 1.3 * s.SHARE
     assert outside(s.random_loss(extra(lost))) == {"share lost"}
-    # The same share in longer bursts.
+    # The same loss share with longer bursts.
     assert outside(s.bursty_loss(chain(s.TO_BAD / 2, s.TO_GOOD / 2))) == {"burst length"}
     plain = s.normal_jitter(0.0)
     assert outside(plain(normal(s.SD_MS, 0.2))) >= {"correlation"}

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Recorded RTT and rate: reading, windows, digests, and what is refused."""
+"""Recorded RTTs and rates: parsing, windows, digests, and rejected input."""
 
 from pathlib import Path
 from typing import Any
@@ -172,7 +172,7 @@ def test_sequence_numbers_wrap(tmp_path: Path) -> None:
 
 
 def test_stamps_of_a_log_count_instead_of_an_interval(tmp_path: Path) -> None:
-    """A stamp is of the reply: its request was sent a round trip before."""
+    """A timestamp belongs to the reply; its request was sent one RTT earlier."""
     lines = [
         f"[{1714560000 + 0.2 * i + 0.1 * i:.6f}] " + UNIX_REPLY.format(seq=i, ms=100 * i)
         for i in range(1, 4)

@@ -18,7 +18,7 @@ def test_it_has_the_printed_mean_and_range() -> None:
     mbps = packets * 1500 * 8 / 0.5 / 1e6
     assert abs(mbps.mean() - 6.2) < 0.1
     assert mbps.min() == 0
-    assert 17 < mbps.max() <= 17.7 + 0.03  # a packet more in a half second
+    assert 17 < mbps.max() <= 17.7 + 0.03  # one packet of tolerance per half second
 
 
 def test_the_tool_makes_the_same_trace_again() -> None:

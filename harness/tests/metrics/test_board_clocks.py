@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The comparison of two machines' clocks, and what is corrected by it."""
+"""Comparison of two machines' clocks, and the corrections based on it."""
 
 import random
 
@@ -17,8 +17,8 @@ S = 1_000_000_000
 def exchanges(
     offset_ns: int, up_ms: float, down_ms: float, drawn: random.Random, rate: float = 0.0
 ) -> list[Exchange]:
-    """Forty of them, each way at least so long and often longer; the board's clock is `offset_ns`
-    ahead at the first one, and gains."""
+    """Forty exchanges, each way at least this long and often longer; the board's clock is
+    `offset_ns` ahead at the first one, and gains."""
     found = []
     now = drawn.randrange(1 << 40)
     began = now
@@ -53,7 +53,7 @@ def test_what_is_symmetric_is_known_far_better_than_the_error_says_and_what_is_n
     uneven = compare(exchanges(7 * MS, 1.0, 9.0, random.Random(1)), "udp")
     assert abs(even.offset_ns - 7 * MS) < 0.2 * MS
     assert abs(uneven.offset_ns - 7 * MS) > 3.5 * MS
-    # The bound knows nothing of the asymmetry: about half of both ways together, in both cases.
+    # The bound does not know the asymmetry: it is half of the total delay in both cases.
     assert 5 * MS < even.error_ns < 6 * MS and 5 * MS < uneven.error_ns < 6 * MS
 
 
@@ -88,7 +88,7 @@ def comparison(at_s: float, offset_ns: int, error_ns: int = 1000) -> ClockCompar
 
 
 def drifting(gained_ns: int) -> Clocks:
-    """From 100 s, run time 0 at 103 s, until 203 s."""
+    """Clocks compared at 100 s and 203 s, with run time 0 at 103 s."""
     ahead = 5_000 * S
     return Clocks(
         t0_ns=103 * S, before=comparison(100, ahead), after=comparison(203, ahead + gained_ns, 4000)
@@ -112,8 +112,8 @@ def test_a_run_that_never_ended_has_no_drift_and_the_first_error() -> None:
 
 
 def test_events_of_both_nodes_stand_on_one_clock() -> None:
-    """A message each way that is 10 ms under way, 50 s into a run in which the board's clock gains
-    100 us a second."""
+    """A message each way with a delay of 10 ms, 50 s into a run in which the board's clock gains
+    100 us per second."""
     rate = 1e-4
     clocks = drifting(gained_ns=round(103 * S * rate))
     gained = round(53 * S * rate)  # since the comparison at 100 s
@@ -133,7 +133,7 @@ def test_events_of_both_nodes_stand_on_one_clock() -> None:
     }  # fmt: skip
     edge = {"node": "edge", "type": "keyframe_mapped", "t_ns": sent, "keyframe": 3}
     log = on_one_clock(EventLog([edge, up, down, applied]), clocks)
-    slack_ns = MS * rate * 100  # the rate over some ms
+    slack_ns = MS * rate * 100  # clock gain over some ms
     for message in log.of("message"):
         assert message["received_ns"] - message["sent_ns"] == pytest.approx(10 * MS, abs=slack_ns)
         assert message["t_ns"] == pytest.approx(received, abs=slack_ns)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Rows into columns of a fixed schema: what fits is taken, what does not is reported."""
+"""Rows are converted to columns of a fixed schema; values of wrong types are reported."""
 
 import json
 import math
@@ -18,7 +18,7 @@ from slambed.metrics.event_columns import (
 
 
 def stored(values: list[Any], column: str) -> tuple[list[Any], list[str]]:
-    """What a column of the events keeps of these values, and what is reported."""
+    """Returns what an event column keeps of these values, and what is reported."""
     problems: list[str] = []
     rows = [{"t_ns": number, column: value} for number, value in enumerate(values)]
     kept = table_of(rows, EVENT_COLUMNS, problems, extra=True).column(column).to_pylist()

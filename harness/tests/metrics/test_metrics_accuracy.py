@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""ATE, RPE and association: our numbers, evo's numbers and known answers."""
+"""ATE, RPE and association compared with evo and with known values."""
 
 import copy
 from collections.abc import Callable
@@ -54,7 +54,7 @@ def evo_rpe(reference, estimate, delta: int, all_pairs: bool) -> tuple[float, fl
 
 @pytest.fixture
 def files(tmp_path: Path) -> tuple[Path, Path]:
-    """A true path at 100 Hz and an estimate at 30 Hz with shifted stamps and gaps."""
+    """A true path at 100 Hz and an estimate at 30 Hz with shifted timestamps and gaps."""
     rng = np.random.default_rng(5)
     truth = room_walk(20.0)
     estimate = noisy(room_walk(20.0, 30.0), 0.02, rng)
@@ -130,11 +130,11 @@ def test_tum_association_is_one_to_one_and_greedy() -> None:
     truth = np.array([0.000, 0.010, 0.030])
     estimate = np.array([0.008, 0.011, 0.029])
     first, second = match_tum(truth, estimate, 0.02)
-    # 0.010-0.011 and 0.030-0.029 (1 ms each) go first; what is left for 0.000 is 0.008.
+    # The pairs 0.010-0.011 and 0.030-0.029 (1 ms each) are taken first; 0.008 remains for 0.000.
     assert list(zip(first, second, strict=True)) == [(0, 0), (1, 1), (2, 2)]
     queries, stamps = match_nearest(truth, estimate, 0.02)
     assert list(zip(queries, stamps, strict=True)) == [(0, 0), (1, 1), (2, 2)]
-    # Two estimates want the same truth: greedy gives it to the closer one only.
+    # Two estimates compete for one true pose: the greedy rule gives it to the closer one only.
     assert len(match_tum(np.array([0.0]), np.array([-0.004, 0.003]), 0.02)[0]) == 1
     assert len(match_nearest(np.array([-0.004, 0.003]), np.array([0.0]), 0.02)[0]) == 2
 
@@ -174,7 +174,7 @@ def test_scale_is_never_free_unless_asked(files: tuple[Path, Path]) -> None:
 
 
 def test_rpe_over_a_second_of_known_drift() -> None:
-    """A pose that creeps 1 cm a second away from the truth along its own x axis."""
+    """The pose drifts away from the truth by 1 cm per second along its own x axis."""
     stamps = np.arange(0.0, 10.0, 0.05)
     still = np.tile([0.0, 0.0, 0.0, 1.0], (len(stamps), 1))
     truth = Trajectory(stamps, np.outer(stamps, [0.3, 0.0, 0.0]), still)
@@ -215,7 +215,7 @@ def test_files_round_trip(tmp_path: Path) -> None:
 
 
 def test_ground_truth_strictly_increases_and_has_unit_quaternions(tmp_path: Path) -> None:
-    """TUM's own files repeat a time now and then; an estimate keeps what it repeats."""
+    """TUM's files contain some repeated times; an estimate keeps its duplicates."""
     (tmp_path / "t.txt").write_text("2 5 0 0 0 0 0 2\n1 0 0 0 0 0 0 1\n2 9 0 0 0 0 0 1\n")
     assert read_tum(tmp_path / "t.txt").stamps_s.tolist() == [1, 2, 2]
     truth = read_groundtruth(tmp_path / "t.txt")
@@ -241,7 +241,7 @@ def test_bad_trajectories_are_refused(tmp_path: Path, text: str, complaint: str)
 
 
 def test_rpe_finds_partners_where_a_second_is_no_whole_number_of_frames() -> None:
-    """KITTI's frames are 103.7 ms apart: none lies within 20 ms of a second later."""
+    """KITTI's frames are 103.7 ms apart: none lies within 20 ms of one second later."""
     truth = room_walk(20.0, 30.0)
     indices = np.round(np.arange(0, 19.9, 0.1037) * 30).astype(int)
     stamps_s = truth.stamps_s[0] + 0.1037 * np.arange(len(indices))
@@ -259,7 +259,7 @@ def test_the_product_of_rotations_is_that_of_scipy() -> None:
 
 
 def test_a_trajectory_is_read_alike_at_once_and_line_by_line(tmp_path: Path) -> None:
-    """Commas are for the slow way; both must find the same numbers."""
+    """Commas force the slow parser; both parsers must return the same numbers."""
     lines = ["# time x y z", "1.5 0.1 -2e-3 3 0 0 0 1", "", "2.5 1 2 3 0 0.6 0 0.8 # turned"]
     plain, other = tmp_path / "plain.txt", tmp_path / "other.txt"
     plain.write_text("\n".join(lines))

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""By how much B is more than A: published examples, extremes, failed runs."""
+"""Differences of B and A: published examples, extremes, failed runs."""
 
 import numpy as np
 import pytest
@@ -62,7 +62,7 @@ def test_the_interval_of_a_shift_keeps_its_promise(runs: int) -> None:
 
 @pytest.mark.parametrize(("a", "b"), [(0.1, 0.1), (0.3, 0.1), (0.8, 0.5)])
 def test_the_intervals_of_shares_keep_theirs(a: float, b: float) -> None:
-    """On the average over the runs: shares of few runs jump."""
+    """On average over the numbers of runs: shares of few runs are discrete."""
     counts = (10, 20, 30, 60)
     unpaired = [simulated.coverage_of_share(share_change, n, a, b) for n in counts]
     paired = [simulated.coverage_of_share(paired_share_change, n, a, b, 0.8) for n in counts]

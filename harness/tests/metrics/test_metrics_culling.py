@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Recall and precision of a run's culling, by the labels of a generated sequence."""
+"""Recall and precision of a run's culling, judged by the labels of a generated sequence."""
 
 import hashlib
 import json
@@ -48,9 +48,10 @@ def sequence(tmp_path: Path) -> Path:
 
 def test_all_features_of_all_frames_count_alike(sequence: Path) -> None:
     frames = [
-        # On somebody: culled twice, kept once. Near: culled once, kept once. On a chair: culled.
+        # On a person: culled twice, kept once. Near one: culled once, kept once. On a chair:
+        # culled.
         features_event(0, kept="15 15 22 15 0 0 ", culled="10 10 19 19 22 19 32 15 "),
-        features_event(1, kept="15 15 ", culled="16 16 "),  # nobody is there
+        features_event(1, kept="15 15 ", culled="16 16 "),  # no person there
     ]
     found = culling_of(frames, sequence, BORDER_PX)
     assert found.recall == pytest.approx(2 / 3)

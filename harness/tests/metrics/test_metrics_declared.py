@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Metrics that a system.yaml declares: what is taken from which events, and what is refused."""
+"""Metrics declared in a system.yaml: computed from events; invalid declarations are refused."""
 
 from pathlib import Path
 from typing import Any
@@ -49,7 +49,7 @@ def run_of(events: list[dict[str, Any]]) -> RunData:
         ({"event": "state_changed", "take": "count", "unless": {"from": "start"}}, 3),
         ({"event": "state_changed", "take": "count", "where": {"to": ["OS", "SZ"]}}, 2),
         ({"event": "never", "take": "count"}, 0),
-        # 1 to 4 and 9 to 12, the last frame.
+        # From 1 to 4 s and from 9 to 12 s, the last frame.
         ({"event": "state_changed", "take": "seconds", "where": {"to": "OS"}}, 6.0),
         # Entered after the last frame: no playback.
         ({"event": "state_changed", "take": "seconds", "where": {"to": "MES"}}, 5.0),
@@ -84,7 +84,7 @@ def test_a_declaration_that_makes_no_sense_is_refused(declaration: dict[str, Any
 
 @pytest.fixture
 def systems(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """A checkout whose systems the test writes."""
+    """A checkout with systems written by the test."""
     library = Library(tmp_path)
     monkeypatch.setattr(declared, "Library", lambda: library)
     declared._system.cache_clear()

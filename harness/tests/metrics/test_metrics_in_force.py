@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The error of the pose in force: late poses are judged by where the camera is by then."""
+"""The error of the pose in force: a late pose is compared with the current camera position."""
 
 from typing import Any
 
@@ -17,7 +17,7 @@ STILL = Alignment(np.eye(3), np.zeros(3))
 
 
 def path(frames: list[int]) -> Trajectory:
-    """The camera moves 1 m a frame."""
+    """The camera moves 1 m per frame."""
     x_m, zero = np.array(frames, dtype=np.float64), np.zeros(len(frames))
     return Trajectory(
         ORIGIN_S + x_m / FPS,
@@ -49,7 +49,7 @@ def tracked(frame: int, delay_s: float, state: str = "ok") -> dict[str, Any]:
 
 
 def offloaded(frame: int, delay_s: float) -> list[dict[str, Any]]:
-    """Tracked on the edge, had by the mobile with the answer."""
+    """A frame tracked on the edge, whose pose the mobile node gets with the answer."""
     time_s = frame / FPS
     on_edge = event(
         "frame_tracked",
@@ -78,7 +78,7 @@ def test_a_pose_is_as_wrong_as_it_is_late(delay_s: float, frames_late: int) -> N
 def test_dropped_and_lost_frames_are_judged_by_the_pose_there_is() -> None:
     dropped = [event("frame_dropped", 1, 0.2, seq_s=0.1), event("frame_dropped", 3, 0.4, seq_s=0.3)]
     log = log_of([tracked(0, 0.05), tracked(2, 0.05), tracked(4, 0.05, "lost"), *dropped])
-    # Frame 0 has no pose yet; at 1 and 2 that of 0 is in force, at 3 and 4 that of 2.
+    # Frame 0 has no pose yet; at 1 and 2 the pose of 0 is in force, at 3 and 4 that of 2.
     found = error_in_force_m_mean(log, path([0, 2]), path(list(range(5))), STILL)
     assert found == pytest.approx((1 + 2 + 1 + 2) / 4)
 
@@ -92,14 +92,14 @@ def test_alignment_is_that_of_the_whole_path() -> None:
 
 def test_a_reset_takes_the_poses_before_it_away() -> None:
     log = log_of([tracked(frame, 0.25) for frame in range(10)])
-    # Poses of frames 6 to 9 are left: the first is had at 0.85 s, so frame 9 alone is judged.
+    # Poses of frames 6 to 9 remain: the first is known at 0.85 s, so only frame 9 is judged.
     found = error_in_force_m_mean(log, path([6, 7, 8, 9]), path(list(range(10))), STILL)
     assert found == pytest.approx(3.0)
 
 
 def test_where_playback_waits_frames_have_the_time_at_which_they_came() -> None:
     events = []
-    for frame in range(5):  # a second each, though recorded ten a second
+    for frame in range(5):  # one second each, although recorded at 10 Hz
         reported = tracked(frame, 0.8)
         events.append(reported | {"t_ns": round((frame + 0.8) * 1e9)})
     found = error_in_force_m_mean(log_of(events), path(list(range(5))), path(list(range(5))), STILL)

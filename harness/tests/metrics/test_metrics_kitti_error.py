@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Relative errors per path length, as KITTI's benchmark has them."""
+"""Relative errors per path length as in KITTI's benchmark."""
 
 from pathlib import Path
 
@@ -14,7 +14,7 @@ from slambed.metrics.run_summary import summarize_run
 
 
 def drive(meters: int, scale: float = 1.0, deg_per_m: float = 0.0) -> Trajectory:
-    """Straight on, a meter a pose; an estimate that turns drives an arc."""
+    """A straight path with one pose per meter; an estimate that turns drives an arc."""
     x_m = np.arange(meters + 1.0)
     turns = Rotation.from_rotvec(np.column_stack([0 * x_m, 0 * x_m, np.radians(deg_per_m) * x_m]))
     step = turns.apply(np.tile([scale, 0.0, 0.0], (len(x_m), 1)))
@@ -25,7 +25,7 @@ def drive(meters: int, scale: float = 1.0, deg_per_m: float = 0.0) -> Trajectory
 def test_a_path_that_is_too_long_by_a_share_is_off_by_that_share() -> None:
     found = kitti_error(drive(1000, scale=1.02), drive(1000))
     assert found is not None
-    # A part ends at the first pose behind its length, a meter farther: 101 m for 100.
+    # A segment ends at the first pose beyond its length: 101 m for 100 m.
     assert found.translation_percent == pytest.approx(2.0, rel=0.02)
     assert found.rotation_deg_per_m == pytest.approx(0.0, abs=1e-9)
     assert not found.short
@@ -35,7 +35,7 @@ def test_an_estimate_that_turns_is_off_by_its_angle_per_meter() -> None:
     found = kitti_error(drive(300, deg_per_m=0.01), drive(300))
     assert found is not None
     assert found.rotation_deg_per_m == pytest.approx(0.01, rel=0.02)
-    # Over 100 m it turns by one degree, and is off by half of that in direction.
+    # Over 100 m it turns by one degree; its direction is off by half of that.
     assert found.translation_percent == pytest.approx(100 * np.radians(0.5) * 5 / 3, rel=0.2)
 
 
@@ -44,7 +44,7 @@ def test_a_short_path_has_short_parts_and_says_so() -> None:
     assert found is not None
     assert found.short
     assert found.translation_percent == pytest.approx(10.0, rel=0.1)
-    # A part ends behind its length, as in the benchmark: 10 m driven hold none of 10 m.
+    # A segment ends beyond its length, as in the benchmark: a path of 10 m has no segment of 10 m.
     assert kitti_error(drive(10), drive(10)) is None
     assert kitti_error(drive(11), drive(11)) is not None
     assert kitti_error(EMPTY, drive(99)) is None

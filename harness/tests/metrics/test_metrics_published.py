@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Numbers that papers print and we had not: device share, all-pairs RPE, pauses, loss windows,
-both directions of the link, and the distance to a reference run."""
+"""Metrics that papers report: device share, all-pairs RPE, pauses, loss windows, total traffic
+of the link, and the distance to a reference run."""
 
 import json
 from pathlib import Path
@@ -32,7 +32,7 @@ CORES = 4
 
 
 def straight(count: int = 50, offset_m: float = 0.0, growth_m: float = 0.0) -> Trajectory:
-    """Along x at 10 Hz; `offset_m` to the side, `growth_m` more of it per pose."""
+    """Along x at 10 Hz; `offset_m` to the side, growing by `growth_m` per pose."""
     stamps = np.arange(count) / 10
     positions = np.zeros((count, 3))
     positions[:, 0] = stamps
@@ -70,7 +70,7 @@ def test_both_directions_of_the_link_count(tmp_path: Path) -> None:
 
 
 def test_the_pause_is_what_the_program_reports_and_nothing_else(tmp_path: Path) -> None:
-    """t_mu_ms also holds what a parallel update does beside tracking."""
+    """t_mu_ms also includes the work of a parallel update during tracking."""
     raw = write_raw(tmp_path / "raw", RawRun())
     assert summarize_run(raw, EDGE_SPEC)["update_pause_ms_mean"] is None
     path = raw / "mobile" / "events.jsonl"
@@ -114,7 +114,8 @@ def test_the_mean_stands_beside_the_rmse(tmp_path: Path) -> None:
 
 
 def test_rpe_over_all_pairs_of_independent_errors_is_root_two_of_theirs() -> None:
-    """Why a printed RPE / ATE near 1.4 speaks for all pairs: the errors of two poses add up."""
+    """Explains a published RPE / ATE near 1.4: it indicates all pairs, since the errors of two
+    poses add up."""
     rng = np.random.default_rng(5)
     truth = straight(90)
     noisy = Trajectory(

@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What losses and updates cost: waits at known places, frames lost to updates, shares of work."""
+"""Cost of losses and updates: relocalization at known places, frames lost to updates, shares of
+work."""
 
 from typing import Any
 
@@ -15,7 +16,7 @@ from slambed.metrics.work_shares import UPDATE, WORK, share_of_update, share_of_
 
 FPS = 10
 ORIGIN_S = 1000.0
-"""Of the stamps: sequence time counts from the first frame played."""
+"""Time origin of the timestamps; sequence time counts from the first played frame."""
 
 
 def log_of(events: list[dict[str, Any]]) -> EventLog:
@@ -50,15 +51,15 @@ def live_of(truth: Trajectory, states: str) -> Trajectory:
 @pytest.mark.parametrize(
     ("states", "x_m", "expected"),
     [
-        # Away at frame 4, back at frame 7 beside frame 1, found at frame 9.
+        # Away at frame 4, back at frame 7 near frame 1, relocalized at frame 9.
         ("ooollllllo", [0, 1, 2, 2, 3, 4, 3, 1.1, 1.1, 1.1], [0.2]),
-        # Back for good and never found: up to the last frame.
+        # Back and never relocalized: counts up to the last frame.
         ("ooolllllll", [0, 1, 2, 2, 3, 4, 3, 1.1, 1.1, 1.1], [0.2]),
         # Never back.
         ("ooolllllll", [0, 1, 2, 2, 3, 4, 5, 6, 7, 8], []),
-        # It stands where it was lost: from the first lost frame.
+        # It stays where it was lost: counts from the first lost frame.
         ("ooollllooo", [0, 1, 2, 2, 2, 2, 2, 2, 2, 2], [0.4]),
-        # Found while away; a second loss counts by itself.
+        # Relocalized while away; a second loss counts separately.
         ("oollolllol", [0, 1, 5, 5, 5, 9, 5, 5, 5, 5], [0.2, 0.0]),
     ],
 )

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""From a raw run folder to its summary and Parquet files, also when files are torn or missing."""
+"""From a raw run folder to its summary and Parquet files, including truncated and missing files."""
 
 import json
 from pathlib import Path
@@ -134,7 +134,7 @@ def test_one_camera_is_known_where_the_run_names_a_containers_folder(tmp_path: P
 
 
 def test_ate_leaves_out_what_was_not_tracked(raw: Path) -> None:
-    """Coverage and ATE must be read together: the trajectory has no pose while lost."""
+    """Coverage and ATE belong together: the trajectory has no poses during a loss."""
     found = summarize_run(raw, EDGE_SPEC)
     assert found["ate_pairs"] == found["frames_tracked"]
 
@@ -159,7 +159,7 @@ def test_a_system_that_dies_before_the_first_echo_is_a_result(raw: Path) -> None
 
 
 def test_frames_are_those_that_playback_offers(tmp_path: Path) -> None:
-    """A node that is silent about half of them does not cover them."""
+    """A node that reports only half of the frames has half the coverage."""
     raw = write_raw(tmp_path / "raw", RawRun(manifest={"frames_offered": 240}))
     found = summarize_run(raw, EDGE_SPEC)
     assert found["frames_total"] == 240

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Intervals, tests, modes and power against published values and simulation."""
+"""Intervals, tests, modes and power compared with published values and simulations."""
 
 import numpy as np
 import pytest
@@ -44,7 +44,7 @@ def test_a_median_lies_between_order_statistics() -> None:
     assert (few.value, few.low, few.high, few.is_range) == (3.0, 1.0, 5.0, True)
     six = interval([3.0, 1.0, 2.0, 5.0, 4.0, 6.0])
     assert (six.value, six.low, six.high, six.is_range) == (3.5, 1.0, 6.0, False)
-    # Conover (1999): of 12 values the third smallest and the third largest.
+    # Conover (1999): the third smallest and the third largest of 12 values.
     twelve = interval(np.arange(12.0))
     assert (twelve.low, twelve.high) == (2.0, 9.0)
     assert twelve.scaled(100).high == 900.0
@@ -129,7 +129,7 @@ def test_two_groups_are_reported() -> None:
 
 
 def test_failures_count_beside_the_survivors_accuracy() -> None:
-    """Six good runs and four that failed: the survivors look fine, all runs together do not."""
+    """Six good runs and four failures: the survivors look good, all runs together do not."""
     ate = [0.01] * 6 + [0.012, None, None, 0.5]
     coverage = [1.0] * 6 + [0.3, 0.0, 0.1, 0.99]
     found = coverage_aware_ate(ate, coverage, least_coverage=0.9)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""When tracking counts as lost, and how long relocalizing takes, from the events of frames."""
+"""Track losses and relocalization times from frame events."""
 
 import pytest
 
@@ -33,17 +33,17 @@ def frames_of(*rows: tuple[float, str, int]) -> EventLog:
     ("rows", "expected"),
     [
         ([(0, "ok", 900), (1, "ok", 900)], None),
-        # Covered from 1 to 3; what comes then is recognized at 4.
+        # Covered from 1 to 3; sees again at 3 and is relocalized at 4.
         ([(0, "ok", 900), (1, "lost", 3), (2, "lost", 3), (3, "lost", 800), (4, "ok", 900)], 1.0),
-        # Recognized at once.
+        # Relocalized at once.
         ([(0, "ok", 900), (1, "lost", 3), (2, "ok", 900)], 0.0),
-        # Lost with open eyes: from the loss on. The longer of two counts.
+        # Lost with enough features: counts from the loss. The longer of two times counts.
         ([(0, "ok", 900), (1, "lost", 800), (3, "ok", 900), (4, "lost", 800), (5, "ok", 9)], 2.0),
-        # Never again: up to the end.
+        # Never relocalized: counts up to the end.
         ([(0, "ok", 900), (1, "lost", 0), (2, "lost", 900), (5, "lost", 900)], 3.0),
-        # Given up: a new map is no relocalization.
+        # A new map is no relocalization.
         ([(0, "ok", 900), (1, "lost", 900), (2, "not_initialized", 900), (3, "ok", 900)], None),
-        # Begins lost in a prior map.
+        # Starts lost in a prior map.
         ([(0, "lost", 900), (1, "lost", 900), (2, "ok", 900)], 2.0),
         ([(0, "lost", 900), (2, "lost", 900)], 2.0),
     ],

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Which runs are valid: host, link and limits as asked, whatever the system did."""
+"""Which runs are valid: host, link and limits as configured, independent of the system."""
 
 import json
 from pathlib import Path
@@ -77,7 +77,7 @@ def test_waiting_for_a_processor_is_reported_and_judged_where_asked(tmp_path: Pa
     raw = write_raw(tmp_path / "raw", RawRun())
     rows = [json.loads(line) for line in (raw / "samples.jsonl").read_text().splitlines()]
     for row in rows:
-        # Held back for 10 ms a second by its limits, and as long as it computed by others.
+        # Throttled for 10 ms per second, and delayed by others for as long as it computed.
         row["run_delay_s"] = row["cpu_s"] + row["throttled_s"]
     (raw / "samples.jsonl").write_text("".join(json.dumps(row) + "\n" for row in rows))
     found = summarize_run(raw, EDGE_SPEC)

@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Error of a live path to the reference that its dataset names: unaligned, of scored frames."""
+"""Error of a live path relative to the reference named by its dataset: unaligned, over scored
+frames."""
 
 import json
 from pathlib import Path
@@ -50,7 +51,7 @@ def test_drift_counts_and_an_alignment_takes_it() -> None:
 
 
 def test_frames_before_the_alignment_and_after_a_reset_are_not_scored() -> None:
-    live = path_of(20)  # the first pose is that of the frame at 0.2 s
+    live = path_of(20)  # the first pose belongs to the frame at 0.2 s
     log = log_of(
         ALIGN, TRACKED, (0.7, "trip_aligned", {}), (1.2, "reset", {}), (1.6, "trip_aligned", {})
     )
@@ -60,7 +61,7 @@ def test_frames_before_the_alignment_and_after_a_reset_are_not_scored() -> None:
 
 
 def test_the_first_poses_of_a_trip_count_only_once_it_is_placed() -> None:
-    """As systems/cloudslam reports it: the state that a run begins in is not announced."""
+    """As in systems/cloudslam: the initial state of a run is not logged."""
     reported = (0.3, "state_changed", {"from": "ALIGN", "to": "TRIP"})
     log = log_of(TRACKED, reported, (0.3, "trip_aligned", {}))
     assert len(scored_part(path_of(20), log)) == 19

@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Intervals and tests keep what they promise, by simulation; what they replaced did not."""
+"""Intervals and tests reach their nominal levels in simulation; the methods they replaced did
+not."""
 
 import pytest
 import simulated_statistics as simulated
@@ -12,7 +13,7 @@ def test_the_interval_of_a_median_holds_for_every_distribution(runs: int, skew: 
 
 
 def test_three_runs_give_no_interval_of_a_median() -> None:
-    """So reports call it a range."""
+    """Therefore reports call it a range."""
     assert simulated.coverage(simulated.now, "median", 3) == pytest.approx(0.75, abs=0.05)
 
 

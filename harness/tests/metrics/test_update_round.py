@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The parts of a map update round: from the events, through the summary, to the table."""
+"""The parts of a map update round: from the events through the summary to the table."""
 
 import json
 from pathlib import Path
@@ -96,7 +96,7 @@ def test_one_update_has_no_spread(tmp_path: Path) -> None:
 def test_report_has_one_row_per_cell_that_reports_its_rounds(tmp_path: Path) -> None:
     experiment = quickstart_like(tmp_path, repetitions=2)
     (table,) = update_round_tables(load(experiment))
-    assert [row[0] for row in table.rows] == ["edgeslam:static"] * 2  # not the one without edge
+    assert [row[0] for row in table.rows] == ["edgeslam:static"] * 2  # only those with an edge
     row = dict(zip(table.headings, table.rows[0], strict=True))
     assert row["T_MU"] == "30.0 ± 0.0"
     assert int(row["updates"]) > 1

@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Published numbers beside ours: provenance first, and verdicts say what the numbers say."""
+"""Published numbers compared with ours: provenance comes first, and verdicts follow from the
+numbers."""
 
 from pathlib import Path
 from typing import Any
@@ -32,7 +33,7 @@ OFFICE = "fr3_long_office_household"
 def runs_of(
     system: str, variant: str, profile: str | None, lost: int, runs: int, **more: Any
 ) -> Any:
-    """Rows of summary.csv: `lost` of `runs` runs lose track."""
+    """Returns rows of summary.csv in which `lost` of `runs` runs lose track."""
     return [
         {
             "run_key": f"{system}{variant}{profile}{more.get('dataset')}{i}{more.get('engine')}",
@@ -65,7 +66,7 @@ def results_of(
 
 
 def column_of(paper: Paper, *results: Results, engine: str = "", **more: Any) -> Column:
-    """The verdicts of one kind of engine, the only one unless it is named."""
+    """Returns the verdicts of one kind of engine, by default the only one."""
     found = compare_paper(paper, pool_of(list(results)), **more).columns
     return next(c for c in found if not engine or c.engine == engine)
 
@@ -75,7 +76,7 @@ def outcome_of(column: Column, name: str) -> str:
 
 
 def table_2(lost: dict[str, list[int]], runs: int, **more: Any) -> Results:
-    """Runs of Table 2 (variant -> losses at 0, 20, 40, 60, 80 ms)."""
+    """Returns runs of Table 2; `lost` maps a variant to its losses at 0, 20, 40, 60, 80 ms."""
     rows = []
     for variant, counts in lost.items():
         for profile, bad in zip(
@@ -88,7 +89,7 @@ def table_2(lost: dict[str, list[int]], runs: int, **more: Any) -> Results:
 PAPER_CONVENTIONAL = [78, 79, 82, 92, 100]
 PAPER_ENHANCED = [0, 2, 10, 48, 73]
 DOCUMENTED = {"conventional": [1, 2, 1, 3, 2], "static": [0, 0, 0, 0, 0]}
-"""docs/virtual.md, "Beside Tables 2 and 3": runs of ten that lost track."""
+"""docs/logbook/2026-11-21-dynnetslam-tables-2-and-3.md: runs of ten that lost track."""
 
 
 @pytest.fixture(scope="module")
@@ -135,7 +136,8 @@ def test_nothing_run_is_said_so(dynnetslam: Paper) -> None:
 
 
 def test_the_documented_table_2_reproduces_nothing(dynnetslam: Paper) -> None:
-    """Ten runs per cell on the generated room: all ten cells were once 'same ordering'."""
+    """With ten runs per cell on the generated room, all ten cells were once called 'same
+    ordering'."""
     for dataset, marks in (("synthetic_fr3_path", {"S"}), (OFFICE, {"D", "I"})):
         column = column_of(dynnetslam, table_2(DOCUMENTED, 10, engine="virtual", dataset=dataset))
         cells = {i: r for i, r in column.rows.items() if i.startswith("dynnet.T2.")}
@@ -186,7 +188,7 @@ def test_the_pair_that_decides_is_shown_with_who_is_who(dynnetslam: Paper) -> No
     printed = f"{PAPER_ENHANCED[3]:g} < conventional Edge-SLAM: {PAPER_CONVENTIONAL[3]:g} %"
     assert printed in pairs.values(ours=False)
     assert " → " in found["dynnet.O04"].values(ours=True)
-    # The number of runs of a table reports no two systems apart.
+    # The number of runs of a table does not distinguish systems.
     assert not any("runs 100" in o.values(ours=False) for o in column.orderings)
 
 
@@ -216,7 +218,7 @@ def test_fitted_and_stand_in_numbers_are_never_reproduced(dynnetslam: Paper) -> 
     assert row.why.startswith("set to match a published value; no evidence")
     assert row.hint == ""  # as printed
     other = column_of(dynnetslam, exact, fits=[fit])
-    assert other.rows["dynnet.T2.enhanced.rtt0"].mark == "R"  # by devices that were not fitted
+    assert other.rows["dynnet.T2.enhanced.rtt0"].mark == "R"  # devices that were not fitted
 
 
 @pytest.mark.parametrize(
@@ -238,11 +240,11 @@ def test_a_fitted_share_that_is_far_from_the_printed_one_says_so(
     assert (row.mark, row.hint) == ("F", expected)
     assert (expected in row.why) and "no evidence" in row.why
     other = column_of(dynnetslam, table_2({"static": lost}, 100))
-    assert other.rows["dynnet.T2.enhanced.rtt60"].hint == ""  # a verdict says it there
+    assert other.rows["dynnet.T2.enhanced.rtt60"].hint == ""  # the verdict has the reason
 
 
 def test_a_fitted_mean_that_is_far_from_the_printed_one_says_so() -> None:
-    """As the attempts of IJNC's Table 3: printed 55 ms, ours 4.73."""
+    """Like the attempts of IJNC's Table 3: printed 55 ms, ours 4.73."""
     paper = read_papers(["multithread_rl"])[0]
     cell = cells_of(paper)["ijnc.T3.execution_time.dT_LR"]
     found = Found(None, None, "")
@@ -261,7 +263,7 @@ def test_a_fitted_mean_that_is_far_from_the_printed_one_says_so() -> None:
 def test_runs_that_are_kept_without_events_are_no_missing_runs(
     dynnetslam: Paper, tmp_path: Path
 ) -> None:
-    """As those of `slambed results pack`: Table 1 is made of events."""
+    """Like runs of `slambed results pack`: Table 1 needs events."""
     rows = runs_of("edgeslam", "static", "none", 0, 20, engine="virtual")
     rows += runs_of("edgeslam", "conventional", "none", 0, 20, engine="virtual")
     column = column_of(dynnetslam, results_of(rows))
@@ -273,7 +275,7 @@ def test_runs_that_are_kept_without_events_are_no_missing_runs(
     assert found["dynnet.O01"].kind == "no_events"
     assert found["dynnet.O01"].values(ours=True) == "run, events not kept"
     assert found["dynnet.O20"].kind == "not_run"
-    # A log that is there and has no such delay is another thing.
+    # An existing log without such a delay is a different case.
     kept = tmp_path / "made_up" / "runs" / str(rows[0]["run_key"])
     kept.mkdir(parents=True)
     table = pa.table({"t_ns": [1], "type": ["frame_tracked"], "node": ["mobile"]})
@@ -317,7 +319,7 @@ def test_a_cell_and_its_claim_have_one_verdict(dynnetslam: Paper) -> None:
 
 
 def test_survivors_and_thresholds(dynnetslam: Paper) -> None:
-    """Table 4 averages runs without a loss, at one threshold each."""
+    """Table 4 averages runs without a loss, each at one threshold."""
     rows = []
     for limit, ate in ((30, 0.017), (40, 0.024)):
         params = {"params.l_ol_ms": limit, "params.b_ms": 10}
@@ -365,7 +367,7 @@ def test_the_profile_does_not_matter_without_a_link(dynnetslam: Paper) -> None:
 
 
 def test_only_experiments_that_reproduce_a_table_count(dynnetslam: Paper) -> None:
-    """A sensitivity study changes what the table does not name; text archives are a third thing."""
+    """A sensitivity study and text archives differ in ways that the table does not name."""
     own = runs_of("edgeslam", "static", "none", 0, 30)
     study = runs_of("edgeslam", "static", "none", 30, 30, engine="docker")
     text = runs_of("edgeslam", "static", "none", 30, 30, dataset=OFFICE) + own

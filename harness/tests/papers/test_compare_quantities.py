@@ -32,7 +32,7 @@ def results(found: list[dict[str, Any]]) -> Results:
 
 
 def requests(edge_ms: float, local_ms: float = 55.0, runs: int = 20) -> list[dict[str, Any]]:
-    """Runs of `relocate` on Pioneer2 whose failed requests take 47 ms on their way."""
+    """Returns runs of `relocate` on Pioneer2 whose failed requests take 47 ms of transport."""
     found = rows("multithread_rl", "relocate", "fr2_pioneer_slam2", runs)
     for i, run in enumerate(found):
         spread = 1 + 0.001 * (i - runs / 2)
@@ -64,7 +64,7 @@ TABLE_4 = {
 
 
 def test_points_of_coverage_are_no_percent_of_it(paper: Paper) -> None:
-    """C14: `up to 30.1 percentage points`; shown is ours where the paper has its maximum."""
+    """C14: `up to 30.1 percentage points`; our value is shown where the paper has its maximum."""
     found = []
     for dataset, covered in TABLE_4.items():
         for system, share in zip(
@@ -94,7 +94,7 @@ def test_an_increase_needs_every_step(paper: Paper) -> None:
 
 
 def desk(losing: str = "", leaving_out: str = "") -> Results:
-    """Runs of all four systems on Desk; those of one lose track once."""
+    """Returns runs of all four systems on Desk; those of one system lose track once."""
     found = []
     for system, variant in sorted(SYSTEMS):
         if variant != leaving_out:

@@ -22,7 +22,7 @@ from slambed.report.load import Results
 
 
 class Anchors(HTMLParser):
-    """Ids and links of a page; complains about a tag that is not closed."""
+    """Collects ids and links of a page, and fails for a tag that is not closed."""
 
     def __init__(self) -> None:
         super().__init__()
@@ -79,7 +79,7 @@ def test_every_mark_leads_to_its_number(page: PaperPage) -> None:
     for name in page.verdicts.cells:
         assert f"v-{name}" in found.ids
     assert "v-dynnet.T2.enhanced.rtt60" in inner
-    assert "../index.html" not in found.links  # nothing points to a page that was not written
+    assert "../index.html" not in found.links  # no link to a page that was not written
     assert 'src="http' not in html and "<script" not in html
 
 
@@ -127,8 +127,8 @@ def test_claims_come_before_numbers_and_engines_stay_apart(page: PaperPage) -> N
 
 
 def test_what_holds_without_being_evidence_looks_like_none(page: PaperPage) -> None:
-    """On the paper's own sequence, on a stand-in, on cells that a device was fitted to, and where
-    a part of the cells has no run."""
+    """Covers the paper's own sequence, a stand-in, cells that a device was fitted to, and cells
+    that were only partly run."""
     assert page.verdicts is not None
     badges = {
         c.engine: {line.anchor: (line.badge, line.style) for line in claim_lines(c)}
@@ -267,7 +267,8 @@ def test_a_fitted_number_that_is_far_off_shows_it_in_its_table(
 
 
 def test_runs_per_number_are_those_played(dynnetslam: Paper) -> None:
-    """Not those whose number counts: the ATE of runs without a loss is out of all runs."""
+    """The count is not limited to runs with a number: the ATE of runs without a loss is out of all
+    runs."""
     lost = {"conventional": PAPER_CONVENTIONAL, "static": PAPER_ENHANCED}
     results = table_2(lost, 100, ate_rmse_m=0.01)
     verdicts = compare_paper(dynnetslam, pool_of([results]), [])

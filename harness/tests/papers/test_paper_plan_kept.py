@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a campaign can decide, what it costs, and whether results keep to their plan."""
+"""Power and cost of campaigns, and whether results keep to their plan."""
 
 import json
 from dataclasses import replace
@@ -56,7 +56,7 @@ def results(
     runs: int = 10,
     plan: PaperPlan | None = None,
 ) -> Results:
-    """Runs as they are made under a plan."""
+    """Returns runs as made under a plan."""
     lost = [min(n, runs) for n in PAPER_ENHANCED]
     found = table_2({"static": lost}, runs, engine="virtual", device_mobile="pi")
     found.runs["started_utc"] = started
@@ -128,7 +128,7 @@ def test_what_was_not_as_planned_is_reported(dynnetslam: Paper) -> None:
 
 def test_runs_name_the_plan_that_they_were_executed_under(dynnetslam: Paper) -> None:
     plan = plan_of(dynnetslam)
-    # Written anew after a look at the results, with the date of before.
+    # The plan was rewritten after the results, with its old date.
     fewer = [PlannedRuns(experiment="made_up", runs=5, seed=1, decides=["dynnet.O04"])]
     rewritten = plan_of(dynnetslam, runs=fewer)
     assert bad(dynnetslam, rewritten, results(plan=plan)) == [
@@ -137,15 +137,15 @@ def test_runs_name_the_plan_that_they_were_executed_under(dynnetslam: Paper) -> 
     assert bad(dynnetslam, plan, results()) == [
         "50 of 50 runs do not say under which plan they were made."
     ]
-    # Half of the runs come from a campaign of before the plan.
+    # Half of the runs come from a campaign before the plan.
     mixed = results(plan=plan)
     mixed.runs.loc[: len(mixed.runs) // 2 - 1, "plan.dynnetslam"] = None
     assert bad(dynnetslam, plan, mixed)[0].startswith("25 of 50 runs do not say")
-    # A mapping that was changed for the runs and set back after them.
+    # The mapping was changed for the runs and restored afterwards.
     bent = results(plan=plan)
     bent.runs["plan_frozen.dynnetslam"] = "0" * 16
     assert "with another mapping than the plan's" in bad(dynnetslam, plan, bent)[0]
-    # One cause is reported once: this plan was written anew after the runs, and says what is other.
+    # One cause is reported once: this plan was rewritten after the runs and names the change.
     later = plan_of(dynnetslam, written_utc=datetime(2026, 6, 1, tzinfo=UTC), runs=fewer)
     story = (
         "50 of 50 runs were made before the plan was written and under another plan "
@@ -167,7 +167,7 @@ def test_runs_name_the_plan_that_they_were_executed_under(dynnetslam: Paper) -> 
 
 
 def test_cells_that_no_number_is_of_are_not_counted(dynnetslam: Paper) -> None:
-    """Runs with another codec, or of a variant that the paper has not, decide nothing of it."""
+    """Runs with another codec, or of a variant that the paper does not have, decide nothing."""
     plan = plan_of(dynnetslam)
     good = results(plan=plan)
     other = good.runs.groupby("cell").head(2).copy()
@@ -205,7 +205,7 @@ def test_powers_are_those_of_the_printed_numbers(dynnetslam: Paper) -> None:
     assert float(rows["dynnet.O03"][2]) == pytest.approx(0.14, abs=0.04)
     assert float(rows["dynnet.O03"][3]) == pytest.approx(0.92, abs=0.04)
     assert rows["dynnet.O03"][4] == "30"
-    assert rows["dynnet.O09"][5].startswith("NO")  # 3 against 11 of 100 is not shown by itself
+    assert rows["dynnet.O09"][5].startswith("NO")  # 3 against 11 of 100 is not significant
     assert rows["dynnet.O11"][2:] == ["-", "-", "-", "in words only"]
 
 
@@ -222,7 +222,7 @@ def test_costs_are_measured_where_a_ledger_is(dynnetslam: Paper, tmp_path: Path)
     assert seconds_per_run(tmp_path / "none.jsonl") is None
     ledger.write_text("torn {")
     assert seconds_per_run(ledger) is None
-    # A campaign that was killed once leaves half a line between whole ones.
+    # A killed campaign leaves half a line between complete ones.
     ledger.write_text("\n".join(["torn {", *map(json.dumps, entries)]) + "\n")
     assert seconds_per_run(ledger) == pytest.approx(6.0)
     sizes = {"d_t2_rtt": (10, 5, 87.0), "d_t3_sine": (28, 3, 87.0)}

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The lint of papers/*/paper.yaml: nothing to say of ours, and something about every mistake."""
+"""The lint of papers/*/paper.yaml: it accepts our files and reports every mistake."""
 
 from collections.abc import Callable
 from pathlib import Path

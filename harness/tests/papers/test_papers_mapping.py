@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Mistakes that mappings once had: each gave a verdict about something else."""
+"""Former mistakes of mappings, each of which gave a verdict about something else."""
 
 from fnmatch import fnmatchcase
 
@@ -25,7 +25,7 @@ def cells(papers: dict[str, Paper]) -> dict[str, PublishedCell]:
 
 
 def test_accuracy_is_that_of_the_runs_without_a_loss(papers: dict[str, Paper]) -> None:
-    """Conventional Edge-SLAM loses 78 of 100 runs: 22 are behind its 1.3 cm, not 100."""
+    """Conventional Edge-SLAM loses 78 of 100 runs, so its 1.3 cm are from 22 runs, not 100."""
     cells = cells_of(papers["dynnetslam"])
     assert papers["dynnetslam"].metrics["ate_rmse"].only_without_loss
     assert cells["dynnet.T1.ate_rmse.conventional"].runs == 22
@@ -42,7 +42,7 @@ def test_the_spread_over_rounds_is_not_one_over_runs(cells: dict[str, PublishedC
 
 @pytest.mark.parametrize("name", ["dynnetslam", "multithread_rl"])
 def test_cpu_is_percent_of_four_cores(papers: dict[str, Paper], name: str) -> None:
-    """54 % of one core is 13.5 % of the board that prints 34.3 %, not more than it."""
+    """54 % of one core is 13.5 % of the board, and so less than the printed 34.3 %."""
     assert papers[name].metrics["cpu_mobile_mean"].key == "mobile_cpu_device_percent"
     device = Library().device("raspberry_pi_4").model_dump()
     spec = KeptSpec.model_validate({"engine": "virtual", "device_mobile": device})
@@ -58,7 +58,8 @@ def test_cloudslam_is_compared_with_a_reference_run_and_both_directions(
     papers: dict[str, Paper], cells: dict[str, PublishedCell]
 ) -> None:
     paper = papers["cloudslam"]
-    # To the path of ORB-SLAM2 in the prior map, of scored frames: the reference of the dataset.
+    # The error is relative to ORB-SLAM2's path in the prior map, over scored frames: the dataset's
+    # reference.
     assert paper.metrics["rmse_vs_orbslam"].key == "reference_rmse_m"
     assert paper.metrics["avg_bandwidth"].key == "link_mbit_s"
     for name, strategy in (("C19", "period_s"), ("C20", "period_s"), ("C21", "distance_m"),
@@ -90,7 +91,7 @@ def test_every_run_over_wifi_names_the_network_and_the_codec(papers: dict[str, P
     for name, cell in table_cells(paper).items():
         if name.split(".")[1] in ("T4", "T5", "T6"):
             assert "network" in cell.conditions, name
-    # The paper's messages are text archives; ORB-SLAM2 alone sends none.
+    # The paper's messages are text archives; only ORB-SLAM2 sends none.
     for name in ("edgeslam_conventional", "multithread", "relocate", "multithread_rl"):
         assert paper.systems[name].match["params.codec"] == "compatibility", name
 
@@ -124,13 +125,13 @@ def test_hand_held_is_no_robot_and_sequences_count_once(papers: dict[str, Paper]
 def test_no_number_is_counted_twice(
     papers: dict[str, Paper], cells: dict[str, PublishedCell]
 ) -> None:
-    """15 claims of DynNetSLAM once stood in its tables too, and settings among the results."""
+    """15 claims of DynNetSLAM once duplicated its tables, and settings were among the results."""
     twice = {name for name, cell in cells.items() if cell.comparability.duplicate_of}
     assert {f"dynnet.C{n}" for n in (*range(22, 25), *range(30, 38), *range(38, 42))} <= twice
     assert {"ijnc.C01", "ijnc.C08", "ijnc.C25", "ijnc.C26"} <= twice
     assert "dynnet.T1.track_loss_ratio.conventional" in twice
     settings = [n for n, cell in cells.items() if cell.comparability.parameter and ".T" in n]
-    assert len(settings) == 45 + 8 + 6  # edgesem T1, cloudslam T2, the words of cloudslam T1a
+    assert len(settings) == 45 + 8 + 6  # edgesem T1, cloudslam T2, the text of cloudslam T1a
 
 
 def test_losses_in_the_turn_are_asked_as_a_share_of_the_losses(

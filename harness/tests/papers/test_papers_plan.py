@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Plans: what they freeze, what the lint finds in them, and that their powers are right."""
+"""Plans: what they freeze, what the lint reports, and that their powers are right."""
 
 from collections.abc import Callable
 from datetime import UTC, datetime, timedelta
@@ -146,7 +146,7 @@ def published(paper: Paper, cell: PublishedCell) -> Published:
 
 @pytest.mark.parametrize("name", [p.id for p in read_papers() if p.kind == "paper"])
 def test_the_powers_are_those_of_the_rules(name: str) -> None:
-    """Of every paper: every contrast is planned, with the power that the rules give."""
+    """Every contrast of every paper is planned with the power that the rules give."""
     paper, plan = read_papers([name])[0], read_plan(name)
     assert plan is not None
     planned = [*plan.runs, *plan.later]

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The models of papers/*/paper.yaml: what they read, what they refuse."""
+"""The models of papers/*/paper.yaml: what they accept and what they reject."""
 
 from typing import Any
 

@@ -67,7 +67,7 @@ def test_what_has_no_path_has_no_error(stored: Results) -> None:
 
 @pytest.fixture
 def paper() -> Paper:
-    """Edge-SLAM judged by ORB-SLAM2's path, as CloudSLAM judges itself."""
+    """Returns a paper that judges Edge-SLAM by ORB-SLAM2's path, as CloudSLAM does for itself."""
     return Paper.model_validate(
         {
             "id": "p",

@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""How often the rules of verdicts err, simulated with fixed seeds; and mutations that must show."""
+"""Error rates of the verdict rules, simulated with fixed seeds, and mutations that these checks
+must detect."""
 
 from collections.abc import Callable
 from dataclasses import replace
@@ -47,7 +48,7 @@ def check_reversed_truth() -> None:
 
 
 def check_maxima() -> None:
-    """Three sequences whose gain lies exactly at the margin above what is stated: Holm."""
+    """Three sequences whose gain exceeds the stated one by exactly the margin: tests Holm."""
     generator = np.random.default_rng(7)
     called = 0
     for _ in range(400):
@@ -60,7 +61,7 @@ def check_maxima() -> None:
 
 
 def check_reversals() -> None:
-    """Of five pairs without any effect; none holds, so that "reversed" is what may be wrong."""
+    """Five pairs without any effect: none holds, so "reversed" is the possible error."""
     generator = np.random.default_rng(11)
     found = 0
     for bad in generator.binomial(100, 0.5, (400, 5, 2)):
@@ -80,7 +81,7 @@ def check_reduction() -> None:
 
 def test_equal_shares_reproduce_with_enough_runs_and_rarely_differ() -> None:
     assert [rates.share_same(p, 100)[0] > 0.95 for p in (0.0, 0.03, 1.0)] == [True] * 3
-    assert rates.share_same(0.36, 30)[0] < 0.01  # thirty runs cannot: honest, not a fault
+    assert rates.share_same(0.36, 30)[0] < 0.01  # thirty runs are too few, as expected
     assert 0.4 < rates.share_same(0.36, 100)[0] < 0.5
     assert rates.share_same(0.36, 300)[0] > 0.7
     for paper in rates.PAPER_SHARES:
@@ -154,7 +155,7 @@ def test_up_to_four_runs_decide_nothing(runs: int) -> None:
 
 
 def test_more_runs_never_lower_the_power() -> None:
-    """But for the sawtooth of whole counts, which stays below 6 points."""
+    """Integer counts cause a sawtooth, which stays below 6 points."""
     for paper in (0, 3, 36, 73, 100):
         chances = [chance_to_reproduce(Share(paper, 100), n) for n in (10, 30, 100, 300, 1000)]
         assert all(b >= a - MOST for a, b in pairwise(chances)), chances
@@ -163,7 +164,7 @@ def test_more_runs_never_lower_the_power() -> None:
     assert powers == sorted(powers)
 
 
-# (9) and what an interval is
+# (9) and intervals
 
 
 def test_intervals_at_the_ends() -> None:
@@ -316,7 +317,7 @@ def test_what_is_not_shown_was_not_seen_or_had_too_few_runs() -> None:
     assert judge_contrast([Step(enough, paper)], 0.0).outcome == "not_seen"
     enhanced = tuple(Share(round(100 * p), 100) for p in rates.ENHANCED)
     none = judge_contrast([Step((Share(0, 10),) * 5, enhanced)], 0.0)
-    assert (none.outcome, none.runs_needed) == ("not_seen", None)  # ten would have shown it
+    assert (none.outcome, none.runs_needed) == ("not_seen", None)  # ten runs would have shown it
     assert none.power is not None and none.power > 0.99
     words = judge_contrast([Step(enough, ())], float("nan"))
     assert (words.outcome, words.power) == ("inconclusive", None)
@@ -324,7 +325,7 @@ def test_what_is_not_shown_was_not_seen_or_had_too_few_runs() -> None:
 
 
 def test_the_word_hangs_on_the_chance_to_see_it() -> None:
-    """That of seeing what the paper prints, whatever ours are."""
+    """It is the chance to see the printed effect, whatever ours is."""
     paper = (Share(10, 100), Share(40, 100))
     for runs in (5, 10, 20, 30, 50, 100):
         found = judge_contrast([Step((Share(1, runs), Share(1, runs)), paper)], 0.0)
@@ -335,7 +336,7 @@ def test_the_word_hangs_on_the_chance_to_see_it() -> None:
 
 
 def test_each_pair_of_a_claim_has_its_own_outcome() -> None:
-    """The count is adjusted over the pairs (Holm); that all of them hold is not."""
+    """The count is adjusted over the pairs (Holm); the statement that all hold is not."""
     paper = (Share(0, 100), Share(50, 100))
     good, even, bad = ((Share(a, 100), Share(b, 100)) for a, b in ((0, 50), (20, 20), (50, 0)))
     found = judge_contrast([Step(good, paper), Step(even, paper), Step(good, paper)], 0.0)
@@ -387,7 +388,7 @@ def test_predictions_cover_what_they_say() -> None:
     assert found.histogram[-1] == 9
 
 
-# Mutations: each must make a check above fail, or the check is worth nothing.
+# Mutations: each must make a check above fail, otherwise that check is useless.
 
 Check = Callable[[], None]
 

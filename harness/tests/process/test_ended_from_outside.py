@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A node that somebody else kills or stops says nothing about the system: such a run is not to be
-valid, or costs an attempt, and the campaign goes on."""
+"""A node killed or stopped from outside says nothing about the system: the run is invalid or
+costs an attempt, and the campaign continues."""
 
 import os
 import signal
@@ -79,7 +79,7 @@ def test_a_node_killed_at_the_start_barrier_costs_an_attempt(bench: Bench) -> No
 
 
 BARRIERS = {
-    # What takes the launcher's place -> the error and what it says.
+    # Replacement of the launcher -> the error and its message.
     "import time; time.sleep(60)": (PassingError, "did not reach the start barrier within 1 s"),
     "import os; os.kill(os.getpid(), 9)": (KilledError, "it was killed .signal 9"),
 }
@@ -90,7 +90,8 @@ BARRIERS = {
 def test_who_does_not_reach_the_start_barrier(
     bench: Bench, code: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Slow or killed passes; only a kernel that refuses is final (engine local's own tests)."""
+    """Slowness and kills are temporary; only a kernel's refusal is final (tests of engine
+    local)."""
     program = bench.folder / "launcher.py"
     program.write_text(code)
     monkeypatch.setattr(launcher, "__file__", str(program))

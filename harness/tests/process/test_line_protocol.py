@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Processes of a run talk in lines: whole messages of known kinds, or one clear error."""
+"""Line protocol between processes: complete messages of known kinds, or one clear error."""
 
 import io
 import os

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Names of before are read as today's: of kept campaigns, of event logs, of users' own files."""
+"""Older names are read as today's: in stored campaigns, event logs and users' files."""
 
 import json
 import tarfile

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Files of older versions are read with the names of today."""
+"""Files of older versions are read with today's names."""
 
 import json
 import tarfile

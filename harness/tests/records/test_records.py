@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Files about a run are models: their bytes stay what they were, and what is torn, foreign or of
-another version is read as far as it goes."""
+"""Files about a run are models: written bytes stay the same, and truncated files or files of
+other versions are read as far as possible."""
 
 import json
 import math
@@ -22,14 +22,14 @@ from slambed.schema.field_table import field_rows
 from slambed.spec.run_spec import RunSpec
 
 KEPT = Path(__file__).with_name("kept_manifest.json")
-"""Of a live run with an edge over the relay, written when manifests were dictionaries."""
+"""Manifest of a live run with an edge over the relay, written when manifests were dictionaries."""
 
 
 def test_a_manifest_has_the_bytes_that_it_had_as_a_dictionary() -> None:
     text = KEPT.read_text()
     kept = Manifest.read(KEPT)
     assert kept is not None
-    # The RunSpec has a model of its own, and gets new fields.
+    # The RunSpec has its own model, which gets new fields.
     content = kept.as_json() | {"spec": json.loads(text)["spec"]}
     assert json.dumps(content, indent=1, allow_nan=False) + "\n" == text
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""`slambed bisect`: the search, what is judged, and a real small history of a clone."""
+"""`slambed bisect`: the search, the rule, and a small real history in a clone."""
 
 import json
 import re
@@ -25,7 +25,7 @@ METRIC = "track_ms_median"
 
 
 class History:
-    """Commits that are slower from one on, and some that cannot be measured."""
+    """Commits that are slower from one commit on; some cannot be measured."""
 
     def __init__(self, base: Results, count: int, slow_from: int, broken: set[int]) -> None:
         self.base, self.slow_from, self.broken = base, slow_from, broken
@@ -132,11 +132,11 @@ class Clone:
         return self.head
 
     def words(self, subject: str) -> str:
-        """A change that no run has to do with."""
+        """Commits a change that affects no run."""
         return self.change(subject, "README.md", lambda text: f"{text}\n{subject}\n")
 
     def features(self, count: int) -> str:
-        """Another default, in what CMake does not see."""
+        """Commits another default, in a file that CMake does not track."""
         return self.change(
             f"Ask for {count} features",
             "systems/orbslam2/system.yaml",
@@ -202,7 +202,7 @@ def test_a_planted_default_is_found_and_what_was_measured_is_kept(
     found = search(workshop, good, bad, lines)
     assert [c.sha for c in found.first] == [planted], lines
     assert "tracking, median" in found.why[0]
-    # Equal sources and parameters are the same runs: three before the change, three behind it.
+    # Equal sources and parameters share runs: three before the change, three after it.
     assert len(list((workshop.place / "runs").iterdir())) == 6
     assert not (workshop.place / TREE).exists() and "results" not in clone.git("worktree", "list")
     assert not any(line.startswith("building") for line in lines)
@@ -210,7 +210,7 @@ def test_a_planted_default_is_found_and_what_was_measured_is_kept(
         assert (workshop.place / commit[:12] / RECORD).is_file()
         assert len(load(workshop.place / commit[:12]).valid_runs) == 3
 
-    # Called again, nothing is checked out; a folder of results stands for its commit.
+    # A second call checks nothing out; a results folder can name a commit.
     def refused(commit: Commit) -> None:
         raise AssertionError(commit)
 
@@ -251,7 +251,7 @@ PYTHONPATH="$root/harness" python3 -m slambed.spec.software >"$root/build/bin/so
 def test_commits_with_other_sources_are_built_by_their_own_script(
     clone: Clone, workshop: Workshop
 ) -> None:
-    """What compiles takes minutes; here the commits' script copies what is compiled already."""
+    """Compiling takes minutes, so here the commits' script copies compiled programs."""
     good = clone.head
     script = BUILD.format(before="", programs=workshop.programs)
     clone.change("Copy instead of compiling", "tools/build.sh", lambda _: script)
@@ -268,7 +268,7 @@ def test_commits_with_other_sources_are_built_by_their_own_script(
     assert any(planted[:12] in line for line in built)
     kept = {path.name for path in (workshop.place / "programs").iterdir()}
     assert (workshop.place / "logs" / f"{planted[:12]}.txt").is_file() and kept
-    # The one whose build fails is skipped, and the line of its build says why.
+    # A commit whose build fails is skipped with a line of its build as the reason.
     with workshop.opened(), pytest.raises(SkippedError, match=r"does not build: no compiler \(all"):
         workshop.measure(Commit(failing, "New sources"))
     with workshop.opened():

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""`slambed diff`: a planted change is found, chance is not taken for one."""
+"""`slambed diff`: it finds a planted change, and rarely reports chance."""
 
 import io
 import json
@@ -30,7 +30,7 @@ NAMES = ["track_ms_median", "ate_rmse_m", "coverage", "lost"]
 
 
 def results(rng: np.random.Generator, slower: float = 1.0, engine: str = VIRTUAL) -> Results:
-    """Two cells of 100 runs; what a run's seed does to it is the same in every folder."""
+    """Returns two cells of 100 runs; the effect of a seed is the same in every folder."""
     rows = []
     for cell, base in (("ramp", 20.0), ("none", 12.0)):
         for seed in range(PAIRS):
@@ -132,7 +132,7 @@ def test_the_command_compares_two_folders(tmp_path: Path) -> None:
     assert (code, err) == (1, "") and "1 of 1 comparisons show a change" in out
     rows = pd.read_csv(table)
     assert list(rows["verdict"]) == ["worse"] and list(rows["runs"]) == ["8 pairs"]
-    # What A and B are: folders, which differ first, then what both have.
+    # A and B are described by their folders, which differ, then by what both share.
     assert "A: before" in out and "B: after" in out
     assert "Both: system edgeslam:static; device half_core" in " ".join(out.split())
     for side, folder in zip("AB", folders, strict=True):
@@ -167,7 +167,7 @@ def test_the_command_compares_two_folders(tmp_path: Path) -> None:
 def assert_self_contained(page: str) -> None:
     loaded = re.findall(r'(?:src|href)="([^"#]*)', page)
     assert all(address.startswith("data:") for address in loaded), loaded
-    # Its own script alone, and the points that it reports.
+    # The page has only its own script, and the points for it.
     opened = re.findall(r"<script[^>]*>", page)
     assert opened in ([], ['<script type="application/json" class="points">', "<script>"]), opened
 
@@ -223,8 +223,8 @@ def test_a_page_of_equal_folders_claims_no_equality(tmp_path: Path) -> None:
 
 @pytest.fixture(scope="module")
 def one_folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Two systems with two numbers of features each, over two links; labels as a grid makes them,
-    without an experiment's word about them."""
+    """Returns two systems with two values of n_orb each, over two links; the labels are those that
+    a grid makes by default."""
     runs = []
     for variant, slow in (("static", 40.0), ("conventional", 60.0)):
         for n_orb, slower in ((500, 1.0), (1000, 2.0)):
@@ -267,7 +267,7 @@ METRIC = ("--metric", "track_ms_median")
 def test_two_parts_of_one_folder_are_compared(
     one_folder: Path, a: str, b: str, heads: tuple[str, str], cells: set[str], ratio: float
 ) -> None:
-    """Cells are matched by what the two are not chosen to differ in, their runs by their seeds."""
+    """Cells are matched by everything that is not selected on, their runs by seed."""
     sides = Sides.of(results := load(one_folder), None, [a], [b])
     found = diff_of(sides, ["track_ms_median"])
     assert {change.cell for change in found} == cells
@@ -275,7 +275,7 @@ def test_two_parts_of_one_folder_are_compared(
         assert change.paired and change.change.count == 3
         assert change.b / change.a == pytest.approx(ratio, rel=0.1)
     assert sides.headings() == tuple(f"{x}: {name}" for x, name in zip("AB", heads, strict=True))
-    assert len(results.runs) == 24  # what was read is left alone
+    assert len(results.runs) == 24  # the loaded results are unchanged
     code, out, _ = slambed("diff", str(one_folder), "--a", a, "--b", b, *METRIC, "--json")
     content = json.loads(out)
     assert code == 0 and content["sides"]["a"]["selected"] == [a]

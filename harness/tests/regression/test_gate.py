@@ -1,6 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The regression gate over simulated nights: how often it cries wolf, what it misses, what it must
-refuse."""
+"""The regression gate over simulated nights: its false alarms, misses and errors."""
 
 from pathlib import Path
 
@@ -17,7 +16,7 @@ from slambed.regression.gate import ALPHA, append_history, is_relevant, judge, r
 from slambed.regression.nights import worsening_p
 
 NIGHTS, CELLS, RUNS = 1000, 6, 10
-# Metric and the spread of one run in a quiet lab (share of the value).
+# Relative spread of one run per metric on a quiet host.
 NOISE = {"ate_rmse_m": 0.08, "track_ms_median": 0.06, "mobile_cpu_percent_mean": 0.03,
          "mobile_mem_mb_peak": 0.02, "update_computed_ms_median": 0.10}  # fmt: skip
 TYPICAL = {"ate_rmse_m": 0.02, "track_ms_median": 30.0, "mobile_cpu_percent_mean": 60.0,
@@ -25,9 +24,10 @@ TYPICAL = {"ate_rmse_m": 0.02, "track_ms_median": 30.0, "mobile_cpu_percent_mean
 
 
 def nights_with_alarm(worse: dict[str, float], seed: int, runs: int = RUNS) -> float:
-    """Share of simulated nights that raise an alarm. `worse`: factor on the first cell's metrics.
+    """Returns the share of simulated nights that raise an alarm. `worse`: factor on the first
+    cell's metrics.
 
-    Every night draws its own baseline: all tests of a night go through Holm together.
+    Every night draws its own baseline; Holm covers all tests of a night.
     """
     rng = np.random.default_rng(seed)
     p_values, relevant = [], []
@@ -62,7 +62,7 @@ def test_too_small_to_matter_stays_silent() -> None:
 
 
 def some_runs(rng: np.random.Generator, runs: int = 12, **changed: object) -> pd.DataFrame:
-    """Two cells as summary.csv has them; `changed` replaces columns of the first cell."""
+    """Returns two cells as in summary.csv; `changed` replaces columns of the first cell."""
     rows = []
     for cell in ("alone/room/none", "offloaded/room/ramp"):
         for repetition in range(runs):
@@ -169,7 +169,7 @@ def test_history_keeps_nights_and_serves_as_baseline(tmp_path: Path) -> None:
 
 
 def virtual_night(runs: int = 6, seed: int = 20, **changed: object) -> pd.DataFrame:
-    """As `some_runs`, in virtual time: a program makes the same runs every night."""
+    """Returns virtual runs like `some_runs`: a program makes the same runs every night."""
     rows = some_runs(np.random.default_rng(seed), runs, **changed)
     return rows.assign(engine="virtual", seed=rows["repetition"], metrics_version="2")
 
@@ -215,7 +215,7 @@ def test_few_virtual_runs_are_said_to_be_blind_for_shares_only() -> None:
 
 
 def test_one_run_a_night_is_reported_how_many_would_do() -> None:
-    """Also where the baseline has one run, too, which more tonight would not make up for."""
+    """This also holds if the baseline has one run, which more runs tonight cannot compensate."""
     one = nights.Test("cell", metric("track_ms_median"), np.ones(1), np.ones(1), paired=False)
     assert one.runs_needed(0.01) == 5  # 1 / comb(10, 5) = 1 / 252
     assert one.runs_needed(1e-6) == 12  # 1 / comb(24, 12) = 1 / 2,704,156

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The page over commits: changes are marked once and where they are, and everything is on it."""
+"""The page over commits: changes are marked once at the right commit, and it is complete."""
 
 import re
 from pathlib import Path
@@ -25,7 +25,7 @@ def commit(night: int) -> str:
 
 @pytest.fixture(scope="module")
 def history(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Tracking takes a quarter more from one commit on, until another one mends it."""
+    """Tracking takes a quarter more time from one commit on, until another one fixes it."""
     path = tmp_path_factory.mktemp("history") / "runs.parquet"
     rng = np.random.default_rng(11)
     for night in range(NIGHTS):

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What can be pointed at lies where the picture shows it, and is what the figure's data says."""
+"""Points for the pointer are at their place in the figure, and agree with its data."""
 
 import json
 import re
@@ -18,7 +18,7 @@ from slambed.report.style import FigureWriter, figure
 
 
 def shares(axes: dict, x: float, y: float) -> tuple[float, float]:
-    """As the page's script places a point (view_math.js, figures.js)."""
+    """Places a point like the page's script (view_math.js, figures.js)."""
 
     def place(value: float, scale: dict) -> float:
         f = np.log10 if scale["scale"] == "log" else float
@@ -103,7 +103,7 @@ def test_a_report_is_one_file_with_script_and_points(tmp_path: Path) -> None:
     for item, block in zip(figures, blocks, strict=True):
         kept = json.loads((experiment / "report" / f"{item['name']}.points.json").read_text())
         assert json.loads(block) == kept
-    # All runs of the plotted metric can be pointed at.
+    # All runs of the plotted metric are among the points.
     ate = json.loads((experiment / "report" / "box_ate_rmse_m.points.json").read_text())
     shown = {x for axes in ate["axes"] for curve in axes["curves"] for x in curve["x"]}
     data = pd.read_csv(experiment / "report" / "box_ate_rmse_m.csv")

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Links on which nothing moved are reported in a report."""
+"""Reports name stalled links."""
 
 from types import SimpleNamespace
 from typing import Any, cast

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Each loss gets the cause that its events show, and a sentence with their numbers."""
+"""Each loss gets the cause that its events show, and a sentence with its numbers."""
 
 import json
 from pathlib import Path
@@ -111,7 +111,7 @@ def test_every_loss_of_a_run_is_sorted_not_the_first_alone() -> None:
     assert named["losses"] == "3" and named["per run"] == "1.5 (0 to 3)"
     causes = [named.get(str(cause), "") for cause in Cause]
     assert causes == ["1", "", "1", "1"]
-    # The last came 0.4 s after a recovery, and no update since: it does not count.
+    # The last loss came 0.4 s after a recovery without an update since, so it does not count.
     assert named["behind an update"] == "1" and named["after a recovery"] == "1"
 
 

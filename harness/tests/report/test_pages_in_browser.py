@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The served pages as a person has them: in Chromium, by pointer and keys, without scripts."""
+"""The served pages in Chromium: by pointer and keys, and without scripts."""
 
 import json
 import re
@@ -27,14 +27,14 @@ from slambed.serve.site import Site
 pytestmark = pytest.mark.browser
 
 LOSSY = "0000000000000007"
-"""Loses track from 6.0 to 7.5 s."""
+"""The run that loses track from 6.0 to 7.5 s."""
 READY = "document.getElementById('player').dataset.ready === 'yes'"
 WIDTHS = (1200, 400)
 
 
 @pytest.fixture(scope="module")
 def results(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Eight runs with their report; one whose pictures are on this machine."""
+    """Eight runs with their report; one has its images on this machine."""
     root = tmp_path_factory.mktemp("pages")
     experiment = quickstart_like(root, repetitions=2)
     shutil.rmtree(root / "raw")
@@ -219,7 +219,7 @@ def test_a_page_follows_a_campaign(page: Page, address: str, results: Path) -> N
     page.until("document.querySelector('main').textContent.includes('running: 0 of 2 runs')")
     ledger.append("campaign_ended", interrupted=False)
     page.until("document.querySelector('main').textContent.includes('Campaign ended')")
-    # What is renewed goes on working.
+    # The page still works after a refresh.
     page.value("document.querySelector('#figures figure').scrollIntoView()")
     page.until("document.querySelector('#figures .frame')")
 
@@ -231,7 +231,7 @@ def test_ctrl_c_ends_the_server_and_its_pages_say_so(page: Page, results: Path) 
         serve,
         stdout=subprocess.PIPE,
         text=True,
-        # As from a terminal, also where these tests were begun in the background.
+        # Restores Ctrl-C, which is ignored if these tests run in the background.
         preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),
     ) as server:
         try:

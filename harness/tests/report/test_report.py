@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Reports from run folders: complete, self-contained, and not stopped by damage."""
+"""Reports from run folders are complete, self-contained, and robust against damage."""
 
 import json
 import re
@@ -34,7 +34,7 @@ from slambed.report.timeline import timeline_svg
 
 @pytest.fixture(scope="module")
 def reported(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A small experiment with its report (two of the box figures are enough here)."""
+    """A small experiment with its report; two box figures are enough here."""
     folder = quickstart_like(tmp_path_factory.mktemp("q"), 3, 8.0)
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(plots, "keys_for", lambda _: ["lost", "ate_rmse_m"])
@@ -45,14 +45,14 @@ def reported(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture
 def experiment(reported: Path, tmp_path: Path) -> Path:
-    """A copy to be damaged, without its report."""
+    """A copy without its report, for tests that damage it."""
     ignore = shutil.ignore_patterns("report", "report.md", "summary.csv")
     shutil.copytree(reported, tmp_path / "invented", ignore=ignore)
     return tmp_path / "invented"
 
 
 class PageReader(HTMLParser):
-    """Collects what a browser would fetch, ids and links, and checks that tags close."""
+    """Collects ids, links and what a browser would fetch, and checks that tags close."""
 
     VOID = frozenset({"meta", "link", "img", "br", "wbr"})
 
@@ -88,7 +88,7 @@ def test_the_page_is_self_contained_and_whole(reported: Path) -> None:
     assert {link[1:] for link in page.links if link.startswith("#")} <= set(page.ids)
     for link in page.links:
         assert link.startswith("#") or (reported / "report" / link).exists(), link
-    # Its own script and the points of its figures, nothing that is fetched.
+    # The page has its own script and the points of its figures, and fetches nothing.
     assert "<script src" not in text and text.count("<script>") == 1
     assert 'font: 16px/1.45 system-ui, -apple-system, "Segoe UI"' in text  # no escaped quotes
     assert not re.search(r"url\(|@import|https?://(?!www\.w3\.org)", text)
@@ -160,7 +160,7 @@ def test_tables_in_four_spellings(reported: Path) -> None:
 
 
 def test_a_table_of_many_columns_breaks_its_numbers_to_fit_on_the_page(reported: Path) -> None:
-    """At a width of 1300 pixels the last columns of update rounds were cut off."""
+    """At a width of 1300 pixels, the last columns of update rounds were once cut off."""
     page = (reported / "report" / "index.html").read_text()
     tables = re.findall(r"<table[^>]*>(.*?)</table>", page, re.DOTALL)
     (rounds,) = [body for body in tables if "Parts of a map update round" in body]
@@ -297,7 +297,7 @@ def test_a_loss_in_a_stalled_run_is_reported(experiment: Path) -> None:
 
 
 def test_nodes_that_waited_for_a_processor_are_reported(experiment: Path) -> None:
-    """How much each node waited in the run that waited most, against which limit."""
+    """The line has how much each node waited in the run that waited most, and the limit."""
     runs = load(experiment).runs
     run = runs[runs["device_edge"].notna()].iloc[0]
     file = experiment / "runs" / run["run_key"] / "summary.json"
@@ -406,7 +406,7 @@ def test_commands(reported: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatc
     drawn = ("explain", "0000000000000003", "--path", *options)
     code, out, err = slambed(*drawn, "--out", str(tmp_path / "mine"))
     assert code == 0 and Path(out.strip()).parent == tmp_path / "mine", err
-    # Without a place: in the run's own folder, and nothing where the shell is.
+    # Without --out, files go to the run's own folder, and none to the current directory.
     code, out, err = slambed(*drawn)
     run = tmp_path / "results" / "invented" / "runs" / "0000000000000003"
     assert Path(out.strip()).parent == run / "pictures", err

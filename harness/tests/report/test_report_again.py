@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Numbers computed again from stored events: equal to fresh ones, and never mixed with old ones."""
+"""Recomputed numbers equal fresh ones, and are never mixed with old ones."""
 
 import json
 from pathlib import Path
@@ -35,7 +35,7 @@ RUNS = [
 
 
 def nothing(dataset: str, checksums: set[str]) -> Path | None:
-    """No dataset of these is on this machine."""
+    """Returns None: none of these datasets is on this machine."""
     return None
 
 
@@ -49,7 +49,7 @@ def stored(tmp_path: Path) -> Path:
 
 
 def changed_metric(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Another RPE, which nobody forgot to count as a new version."""
+    """Changes the RPE and raises the metrics version."""
     monkeypatch.setattr(run_data, "RPE_DELTA_S", 2.0)
     monkeypatch.setattr(catalog, "METRICS_VERSION", METRICS_VERSION + 1)
 
@@ -93,7 +93,7 @@ def test_versions_are_not_mixed(stored: Path, monkeypatch: pytest.MonkeyPatch) -
 
 
 def test_a_system_with_other_own_metrics_is_of_another_version(stored: Path) -> None:
-    """The versions of different systems differ by design; those of one system must not."""
+    """Versions may differ between systems, but not within one."""
     versions = {s["system"]: s["metrics_version"] for s in summaries(stored)}
     assert versions["orbslam2"] == versions["edgeslam"] == str(METRICS_VERSION)
     assert versions["dynnetslam"].startswith(f"{METRICS_VERSION}+")
@@ -138,7 +138,7 @@ def test_runs_judged_by_another_truth_are_left_out_until_then(stored: Path) -> N
 def test_an_old_run_keeps_its_validity(
     stored: Path, old: dict[str, Any], outcome: str, valid: bool, why: str | None
 ) -> None:
-    """What was invalid is not made good by computing its numbers again."""
+    """Recomputing numbers does not make an invalid run valid."""
     path = stored / "runs" / f"{0:016x}" / "manifest.json"
     manifest = json.loads(path.read_text())
     for key in ("invalid_reasons", "outcome_reason"):
@@ -188,7 +188,7 @@ def test_the_command(stored: Path, monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def same(found: object, kept: object) -> bool:
-    """To what libraries of linear algebra may differ in."""
+    """Returns whether two values are equal within the differences of linear algebra libraries."""
     if isinstance(found, float) and isinstance(kept, float):
         return found == pytest.approx(kept, rel=1e-9)
     return found == kept
@@ -211,7 +211,7 @@ def test_whoever_changes_a_metric_counts_its_version_up(tmp_path: Path) -> None:
 def test_the_truth_of_other_frames_is_not_taken(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """A dataset may be prepared anew from another source: its path is another camera's."""
+    """A dataset may be prepared again from another source, with the path of another camera."""
     monkeypatch.setenv("SLAMBED_CACHE", str(tmp_path))
     recipe = Catalog.load().resolve("synthetic_room")
     made = write_prepared(places.prepared_folder() / f"{recipe.id}-0123456789ab")

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Figures are drawn when something that they show has changed, and not otherwise."""
+"""Figures are drawn only if something that they show has changed."""
 
 import json
 import shutil
@@ -26,13 +26,13 @@ def reported(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture
 def experiment(reported: Path, tmp_path: Path) -> Path:
-    """A report of which nothing has changed; times of files stay."""
+    """An unchanged report; the times of its files are preserved."""
     return Path(shutil.copytree(reported, tmp_path / reported.name))
 
 
 @pytest.fixture
 def saved(monkeypatch: pytest.MonkeyPatch) -> list[str]:
-    """Names of the figures that are really drawn."""
+    """Returns the names of the figures that are actually drawn."""
     names: list[str] = []
     save = FigureWriter.save
 
@@ -134,7 +134,7 @@ def test_a_missing_file_and_a_missing_format_are_drawn(experiment: Path, saved: 
     assert sorted(saved) == sorted(names)
     assert all((experiment / "report" / f"{name}.pdf").is_file() for name in names)
     saved.clear()
-    # Who asks for less finds more.
+    # A report with fewer formats can reuse figures with more.
     write_report(experiment, formats=ON_PAGES)
     assert saved == []
 

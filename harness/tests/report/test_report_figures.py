@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Figures of reports, drawn from invented cells."""
+"""Figures of reports, drawn from made-up cells."""
 
 import json
 from itertools import pairwise
@@ -78,7 +78,8 @@ def test_names_of_stages_can_be_read_and_do_not_touch(
     lay_out(made)
     names = made.axes[0].get_yticklabels()
     assert len(names) == 2 * len(stages)
-    # A page shows a figure of 5.4 inches 448 pixels wide or wider: 12 pixels, as in its tables.
+    # A page shows a figure of 5.4 inches at least 448 pixels wide, so text has 12 pixels, as in its
+    # tables.
     assert all(name.get_fontsize() * 448 / (72 * made.get_figwidth()) >= 12 for name in names)
     boxes = sorted((name.get_window_extent() for name in names), key=lambda box: box.y0)
     assert all(low.y1 < high.y0 for low, high in pairwise(boxes))

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Reports after a campaign that was killed before its report, and on a disk that fills under it."""
+"""Reports after a campaign that was killed before its report, and on a full disk."""
 
 import json
 import shutil
@@ -18,7 +18,7 @@ from slambed.report import current, plots
 
 @pytest.fixture
 def experiment(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """Two runs of each cell; one figure is enough here."""
+    """Two runs per cell; one figure is enough here."""
     all_jobs = plots.jobs_of
     monkeypatch.setattr(plots, "jobs_of", lambda *asked: all_jobs(*asked)[:1])
     return quickstart_like(tmp_path, 2, 4.0)
@@ -29,7 +29,7 @@ def reported_runs(folder: Path) -> int:
 
 
 def show(folder: Path) -> None:
-    """As a campaign that found nothing to execute."""
+    """Shows the report like a campaign that found nothing to execute."""
     show_report(folder, Console(file=StringIO()), anew=False, figures=False)
 
 
@@ -53,7 +53,7 @@ def test_a_report_of_these_runs_is_left_alone(experiment: Path) -> None:
     page.write_text("read by somebody")
     show(experiment)
     assert page.read_text() == "read by somebody"
-    # Another number of the same run is another report.
+    # A changed number of the same run makes the report outdated.
     summary = next((experiment / "runs").glob("*/summary.json"))
     summary.write_text(json.dumps(json.loads(summary.read_text()) | {"frames_lost": 3}))
     show(experiment)
@@ -71,7 +71,7 @@ def test_a_report_that_was_not_finished_is_written_again(experiment: Path) -> No
 
 @pytest.mark.parametrize("kind", ["png", "svg", "pdf"])
 def test_a_disk_that_fills_under_a_figure_is_one_line(experiment: Path, kind: str) -> None:
-    """The kernel itself refuses: the figure is to be written to its device without space."""
+    """The kernel refuses the write, because the figure goes to /dev/full."""
     code, _, err = slambed("report", str(experiment))
     assert code == ExitCode.OK, err
     figure = next((experiment / "report").rglob(f"*.{kind}"))

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Reports say what kind of runs they are of: virtual, of two groups, failing, none at all."""
+"""Reports name the kind of their runs: virtual, in two groups, failing, none at all."""
 
 import json
 import re

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a report says about what its numbers stand on: compute times, settings, alignment, runs."""
+"""What a report tells about the basis of its numbers: compute times, settings, alignment, runs."""
 
 import html
 import io
@@ -66,7 +66,7 @@ def test_a_device_that_is_two_machines_is_said_to_be(tmp_path: Path) -> None:
         (100.0, {}, "2.5 times as slow"),
         (5.0, {"engine": "virtual"}, None),
         (5.0, {"pace": "device"}, None),
-        (5.0, {"device_mobile": {"name": "half_core"}}, None),  # without a model nobody knows
+        (5.0, {"device_mobile": {"name": "half_core"}}, None),  # unknown without a model
     ],
 )
 def test_a_live_run_far_from_its_device_is_a_loud_warning(
@@ -96,7 +96,7 @@ def test_a_live_run_far_from_its_device_is_a_loud_warning(
         assert f"took {ran_ms:.1f} ms per frame (measured), its cost model says 4" in text
         assert ("pace: device" in text) == ("fast" in expected)
         assert ("--engine virtual" in text) == ("slow" in expected)
-    # Above all numbers, and in the look of a warning.
+    # It comes before all numbers and is styled as a warning.
     assert page.index('<p class="warn"><b>Warning: live runs') < page.index('<div class="tiles">')
     assert markdown.index("**Warning: live runs") < markdown.index("Engine local")
 
@@ -125,7 +125,7 @@ def test_settings_that_differ_between_systems_are_reported(tmp_path: Path) -> No
 
 @pytest.fixture
 def one_camera(tmp_path: Path) -> Path:
-    """A run whose path is a quarter as large as the true one, judged with its scale; the truth is
+    """A run whose path is a quarter as large as the ground truth, aligned with scale; the truth is
     known for three times as long."""
     experiment = write_experiment(
         tmp_path, [(spec_of("orbslam2", "default", None, 0), RawRun(duration_s=4.0, edge=False))]

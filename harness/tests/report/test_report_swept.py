@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Curves over what an experiment sweeps, and the names that a sweep's points have everywhere."""
+"""Curves over swept values, and consistent names of a sweep's points."""
 
 import json
 from collections.abc import Iterator
@@ -33,7 +33,8 @@ def results(
     links: tuple[str, ...] = ("none",),
     **more: Any,
 ) -> Results:
-    """A grid: tracking grows with the features, updates with the latency, seeds spread both."""
+    """Returns a grid: tracking time grows with the features, update time with the latency; seeds
+    spread both."""
     rows = []
     for variant in variants:
         for n in n_orb:
@@ -69,7 +70,7 @@ def results(
 
 @pytest.fixture
 def drawn(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Any]:
-    """Draws, and gives (figure, name, title, caption, data) of each."""
+    """Draws figures and yields (figure, name, title, caption, data) of each."""
 
     def draw(made_of: Results) -> list[tuple[Figure, str, str, str, pd.DataFrame]]:
         writer = FigureWriter(tmp_path, "", [])
@@ -103,7 +104,7 @@ def test_few_lines_are_one_figure_with_all_metrics(drawn: Any) -> None:
         "edgeslam:conventional",
     ]
     tracked = data[data["metric"].eq("track_ms_median") & data["line"].eq("edgeslam:conventional")]
-    # 6, 10 and 20 ms, and the seeds 0 to 4: their quartiles are 1 and 3.
+    # The seeds add 0 to 4 to 6, 10 and 20 ms, so quartiles are 1 and 3 above.
     assert list(tracked["n_orb"]) == [300, 500, 1000]
     assert list(tracked["middle"]) == [8, 12, 22]
     assert list(tracked["low"]) == [7, 11, 21] and list(tracked["high"]) == [9, 13, 23]
@@ -115,7 +116,7 @@ def test_few_lines_are_one_figure_with_all_metrics(drawn: Any) -> None:
 
 
 def test_values_too_near_each_other_have_ticks_and_no_names(drawn: Any) -> None:
-    """d_f7_norb's: 875 and 1000 stood in each other."""
+    """In d_f7_norb, the labels 875 and 1000 once overlapped."""
     ((made, *_),) = drawn(results(n_orb=(500, 625, 750, 875, 1000, 1250)))
     for axis in made.axes:
         assert len(axis.get_xticks()) == 6
@@ -142,7 +143,7 @@ def test_many_lines_are_small_multiples_of_few_lines_each(drawn: Any) -> None:
             "edgeslam:static",
             "edgeslam:conventional",
         ]
-        # What a link called none adds is 0.
+        # The link `none` adds 0 ms.
         ticks = [float(t.get_text()) for t in made.axes[0].get_xticklabels()]
         assert ticks == ([0, 40, 80] if over_rtt else [300, 500, 1000])
 
@@ -177,7 +178,7 @@ def test_only_numbers_of_three_values_and_more_with_all_else_equal() -> None:
     assert not list(swept(results(links=("ramp_85", "rtt_40", "rtt_80"), n_orb=(300,))))
     found = results()
     found.runs["device_mobile"] = found.runs["params.n_orb"].map(lambda n: f"pi_{n}")
-    assert not list(swept(found))  # nobody knows which of the two did it
+    assert not list(swept(found))  # either of the two may be the cause
     found = results()
     found.runs["valid"] = False
     assert not list(swept(found))
@@ -220,7 +221,7 @@ def test_a_line_is_called_what_its_labels_have_in_common(
 
 
 def test_points_of_a_grid_have_one_name_in_tables_figures_and_differences(tmp_path: Path) -> None:
-    """Labels that a grid makes by itself: what tables call a row, figures and diff call it too."""
+    """With default labels of a grid, tables, figures and diff use the same names."""
     systems = [{"system": "edgeslam", "variant": v} for v in SLOW]
     file = experiment_file(
         tmp_path, systems=systems, grid={"params.n_orb": [300, 500, 1000], "link.rtt_ms": [0]}

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Pages that are one file: a report and a difference, opened from the disk in Chromium."""
+"""Single-file pages: a report and a diff, opened from disk in Chromium."""
 
 import json
 import re
@@ -39,7 +39,7 @@ ATE = "#box_ate_rmse_m"
 
 
 def near(page: Page, figure: str) -> dict[str, float]:
-    """The frame of a figure, once somebody has come near."""
+    """Returns the frame of a figure after the pointer came near."""
     page.value(f"document.querySelector('{figure}').scrollIntoView({{block: 'center'}})")
     page.until(f"document.querySelector('{figure} .frame')")
     page.until(f"document.querySelector('{figure} img').complete")
@@ -51,7 +51,7 @@ def test_a_value_appears_under_the_pointer(report: Page, folder: Path) -> None:
     points = json.loads((folder / f"{ATE[1:]}.points.json").read_text())
     (axes,) = points["axes"]
     data = pd.read_csv(folder / f"{ATE[1:]}.csv")
-    # The largest run stands alone.
+    # The run with the largest value has no neighbor.
     value = 100 * data["ate_rmse_m"].max()
     curve = next(c for c in axes["curves"] if any(abs(x - value) < 1e-3 for x in c["x"]))
     at = min(range(len(curve["x"])), key=lambda i: abs(curve["x"][i] - value))

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Virtual beside live: cells are matched, errors are those of the medians."""
+"""Virtual against live runs: cells are matched, errors are those of the medians."""
 
 from pathlib import Path
 from typing import Any
@@ -50,7 +50,7 @@ def test_errors_are_those_of_the_medians(folders: tuple[Path, Path]) -> None:
     drawn = offloaded["tracking [ms]"]
     assert abs(float(drawn[5])) < 15 and drawn[6] == "yes"
     assert {"T_Total [ms]", "T_MU (update delay) [ms]"} <= offloaded.keys()
-    # Without an edge there is no update to be late.
+    # Without an edge there is no update delay.
     alone = {row[1] for row in table.rows if row[0].startswith("orbslam2")}
     assert "T_Total [ms]" not in alone and "keyframes" in alone
 

@@ -31,9 +31,9 @@ def call(engine: quickjs.Context, name: str, *arguments: Any) -> Any:
         ([0, 10], 0, 2, [0, 5]),
         ([0, 10], 10, 2, [5, 10]),
         ([4, 6], 5, 0.5, [3, 7]),
-        ([4, 6], 5, 0.01, [0, 10]),  # never more than there is
-        ([0, 1], 0.5, 0.5, [0, 2]),  # at an end it is moved inside
-        ([4, 5], 4.5, 100, [4.25, 4.75]),  # never less than the least
+        ([4, 6], 5, 0.01, [0, 10]),  # never more than the whole
+        ([0, 1], 0.5, 0.5, [0, 2]),  # moved inside at an end
+        ([4, 5], 4.5, 100, [4.25, 4.75]),  # never less than the smallest span
     ],
 )
 def test_zoom_keeps_the_place_it_is_about(
@@ -100,7 +100,7 @@ def test_turning_keeps_lengths_and_begins_straight(engine: quickjs.Context) -> N
     for yaw, pitch in ((0.3, 0.7), (-2.0, 1.5), (5.0, -1.0)):
         seen = call(engine, "seen", [1, 2, 3], yaw, pitch)
         assert math.hypot(*seen) == pytest.approx(math.sqrt(14))
-    # From above x goes to the right and y up.
+    # Seen from above, x points right and y up.
     assert call(engine, "seen", [1, 0, 9], 0, math.pi / 2)[:2] == pytest.approx([1, 0], abs=1e-9)
     assert call(engine, "seen", [0, 1, 9], 0, math.pi / 2)[:2] == pytest.approx([0, 1], abs=1e-9)
 
@@ -118,5 +118,5 @@ def test_place_and_value_are_each_others_way_back(engine: quickjs.Context, scale
         place = call(engine, "placeOf", value, [0.1, 100.0], scale)
         assert 0 <= place <= 1
         assert call(engine, "valueAt", place, [0.1, 100.0], scale) == pytest.approx(value)
-    # An axis may run downwards, as lists of cells do.
+    # An axis may run downwards, as in lists of cells.
     assert call(engine, "placeOf", 0, [2.6, -0.6], "linear") == pytest.approx(2.6 / 3.2)

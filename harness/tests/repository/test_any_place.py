@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Circumstances in which a virtual campaign works as anywhere: each was tried once by hand."""
+"""Unusual environments in which a virtual campaign must work."""
 
 import os
 import resource
@@ -32,7 +32,7 @@ def experiment(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def narrow() -> None:
-    """As strict as anybody's shell may be."""
+    """Sets a strict umask and a low limit of open files."""
     os.umask(0o077)
     resource.setrlimit(resource.RLIMIT_NOFILE, (64, 64))
 

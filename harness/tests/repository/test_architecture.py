@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""docs/architecture.md names files that are there."""
+"""docs/explanation/architecture.md names existing files."""
 
 import re
 
@@ -10,7 +10,7 @@ NAMED = re.compile(r"`([\w./-]+\.(?:[ch]pp|py))`")
 
 def test_every_source_that_the_page_names_is_there() -> None:
     root = repository_root()
-    page = (root / "docs" / "architecture.md").read_text(encoding="utf-8")
+    page = (root / "docs" / "explanation" / "architecture.md").read_text(encoding="utf-8")
     sources = [
         f"/{path.relative_to(root)}"
         for folder in ("systems", "harness")

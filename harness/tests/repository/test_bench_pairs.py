@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Benchmarks beside a yardstick, simulated: what is called slower, and how seldom wrongly."""
+"""Simulated benchmarks against a reference: what is called slower, and how rarely wrongly."""
 
 import runpy
 import subprocess
@@ -19,7 +19,7 @@ LIMIT = 0.05
 
 
 class Host:
-    """Both sides' times with 3 % noise each and a mood that drifts by far more."""
+    """Times of both sides with 3 % noise each and a common drift that is far larger."""
 
     def __init__(self, seed: int, slower: dict[str, float]) -> None:
         self.random, self.slower = np.random.default_rng(seed), slower

@@ -26,7 +26,7 @@ def owner(path: Path) -> tuple[int, int]:
 
 @pytest.fixture
 def home(tmp_path: Path) -> Path:
-    """A home as a first run through sudo leaves it; a second folder is root's on purpose."""
+    """A home as left by a first run with sudo; a second folder belongs to root on purpose."""
     (tmp_path / "home").mkdir()
     os.chown(tmp_path / "home", *MINE)
     prepared = tmp_path / "home" / ".cache" / "slambed" / "prepared"
@@ -63,7 +63,7 @@ def test_a_command_that_writes_nothing_gives_nothing(home: Path) -> None:
 
 
 def test_a_real_process_that_only_reports_its_version_touches_no_owner(tmp_path: Path) -> None:
-    """What a cache holds may be anybody's. The inodes' change times report any chown at all."""
+    """Files in a cache may belong to any user. The inodes' change times reveal any chown."""
     for owner_of_it, name in (
         (0, "prepared"),
         (1234, "features"),
@@ -108,7 +108,7 @@ def test_results_are_given_whole(tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 def test_a_folder_that_was_written_to_is_given_at_the_end_of_the_command(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """A report is written after the campaign, a lock file beside it."""
+    """A report is written after the campaign, with a lock file next to it."""
     monkeypatch.setattr("slambed.caller._written", set())
     mine, roots = tmp_path / "mine", tmp_path / "roots"
     for home in (mine, roots):

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The short form of tools/chaos.py: a campaign meets a handful of faults, and the same command
-again finishes it. Of virtual runs every file then has the bytes of a campaign that met none."""
+"""The short form of tools/chaos.py: a campaign meets a few faults, and the same command then
+finishes it. For virtual runs, every file then has the bytes of a campaign without faults."""
 
 from pathlib import Path
 
@@ -18,7 +18,7 @@ FAULTS = (
 
 
 def test_a_fast_host_meets_as_many_faults() -> None:
-    """No time passes: the entries of the ledger alone say when."""
+    """No time passes: only the ledger's entries set the time."""
     instants, struck = Instants("any", every_s=1e9), 0
     instants.call(0)
     instants.executes(0.0)

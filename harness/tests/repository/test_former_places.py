@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Files of one's own where checkouts had them before there was catalog/ and papers/<id>/."""
+"""Users' files in the folders of older checkouts, before catalog/ and papers/<id>/."""
 
 from collections.abc import Callable
 from pathlib import Path

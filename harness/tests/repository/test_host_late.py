@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A live test that fails while the host is late is repeated and reported; no other one is."""
+"""A live test that fails while the host is late is repeated and reported; other tests are not."""
 
 import os
 import signal
@@ -43,12 +43,12 @@ def times(name):
 
 pytestmark = pytest.mark.live
 """
-"""How the tests of a planted session begin."""
+"""Head of the tests in an inner session."""
 
 
 def play(folder: Path, tests: str, *options: str) -> str:
-    """What a pytest session of its own says, with the rules of these tests. How often tests and
-    fixtures were begun is in `folder`."""
+    """Returns the output of an inner pytest session with the rules of these tests. `folder` records
+    how often tests and fixtures were started."""
     (folder / "test_planted.py").write_text(STALLED + tests)
     ours = {name: value for name, value in os.environ.items() if not name.startswith("PYTEST_")}
     ours.pop("SLAMBED_TEST_PLACE", None)
@@ -105,7 +105,8 @@ def test_with_a_fault():
 def test_a_failure_is_repeated_only_where_the_host_was_late(
     tmp_path: Path, options: Sequence[str]
 ) -> None:
-    """A result of a module's campaign goes back to when that was made, and makes it anew."""
+    """A result of a module's campaign is judged by when that ran, and a repetition runs it
+    again."""
     out = play(tmp_path, SPOILED, *options)
     assert "1 failed, 3 passed" in out, out
     assert began(tmp_path) == {
@@ -172,7 +173,7 @@ def test_each_measure_reports_a_late_host(measured: dict[str, float | None], lat
     watch = Watch()
     watch.looks = [look(0, 1), look(1, 2, **measured), look(2, 3)]
     assert watch.lateness([Window(1.2, 1.9)]).is_late == late
-    # Of what a test did not meet, nothing is its excuse.
+    # Lateness outside of a test does not excuse it.
     assert not watch.lateness([Window(0, 1), Window(2, 2.5)]).is_late
     assert not watch.lateness([]).is_late
 
@@ -246,7 +247,7 @@ def test_a_watcher_that_does_not_answer_is_late_itself(monkeypatch: pytest.Monke
 def test_what_speaks_against_a_run_must_be_the_hosts_part(
     reason: str, in_time: bool | None, late: bool | None, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """None: the test that asks fails."""
+    """Without a watch, a test that needs it fails."""
     summary = {"valid": False, "invalid_reason": reason, "attempts": 3}
     for was_late, judged in ((False, in_time), (True, late)):
         monkeypatch.setattr(harness_parts, "is_late", partial(bool, was_late))

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The import contracts of pyproject.toml refuse what they are there for."""
+"""The import contracts of pyproject.toml reject the imports that they forbid."""
 
 import shutil
 import subprocess
@@ -38,7 +38,7 @@ def test_a_wrong_import_breaks_its_contract(
     shutil.copy(root / "pyproject.toml", tmp_path)
     ignored = shutil.ignore_patterns("__pycache__")
     shutil.copytree(root / "harness/slambed", tmp_path / "slambed", ignore=ignored)
-    # A contract that is broken already would hide what is asked here.
+    # A contract that is already broken would hide the result.
     kept = subprocess.run([LINT, "--no-cache"], cwd=tmp_path, capture_output=True, check=False)
     assert kept.returncode == 0
     path = tmp_path / "slambed" / module

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Other software's variables: a sourced ROS, an activated conda, a home that is closed."""
+"""Other software's environment: a sourced ROS, an activated conda, an unreadable home."""
 
 import os
 import subprocess
@@ -18,7 +18,7 @@ STARTED = "from slambed.start import main; main()"
 
 @pytest.fixture
 def theirs(tmp_path: Path) -> Path:
-    """Packages that break whoever imports them."""
+    """Packages that fail on import."""
     for name in ("numpy", "typer", "docker"):
         (tmp_path / "ros" / name).mkdir(parents=True)
         (tmp_path / "ros" / name / "__init__.py").write_text("raise ImportError('theirs')")

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The lanes of tools/test.sh: what hangs is ended and named, and the other lanes go on."""
+"""The lanes of tools/test.sh: a hanging lane is ended and named, and the others continue."""
 
 import os
 import signal
@@ -27,7 +27,7 @@ finish
 
 
 def play(functions: str, limit_s: int = 60) -> subprocess.CompletedProcess[str]:
-    """A script of two lanes, the second of which has nothing to do."""
+    """Runs a script of two lanes, the second of which has nothing to do."""
     script = SCRIPT.format(root=repository_root(), functions=functions, limit_s=limit_s)
     environment = {name: v for name, v in os.environ.items() if name != "SLAMBED_LANE_LIMIT_S"}
     environment["SLAMBED_KILL_AFTER_S"] = "1"

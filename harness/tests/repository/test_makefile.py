@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What `make` would call, for one who is neither root nor in the group docker."""
+"""What `make` would call for a user who is neither root nor in the group docker."""
 
 import subprocess
 
@@ -9,7 +9,7 @@ from slambed.native import repository_root
 
 
 def would_call(target: str, engine: str) -> str:
-    """Commands that make prints and does not start."""
+    """Returns the commands of a dry run of make."""
     command = ["make", "--dry-run", target, f"ENGINE={engine}", "UNPRIVILEGED=1000"]
     done = subprocess.run(
         command, capture_output=True, text=True, check=True, cwd=repository_root()

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A tree that was renamed or copied: its own code and programs run, or are made again with one
-line."""
+"""A renamed or copied tree runs its own code and programs, or rebuilds them with one line of
+output."""
 
 import os
 import shutil
@@ -35,12 +35,12 @@ def main() -> None:
 
 
 def without_packages() -> dict[str, str]:
-    """Of this checkout, which tests may be given by PYTHONPATH."""
+    """Returns the environment without this checkout, which may be in PYTHONPATH."""
     return {name: value for name, value in os.environ.items() if name != "PYTHONPATH"}
 
 
 class Tree:
-    """As much of a checkout as the environment is made of."""
+    """The part of a checkout that the environment is built from."""
 
     def __init__(self, folder: Path) -> None:
         self.path = folder / "a tree"
@@ -103,7 +103,7 @@ def test_the_code_beside_the_environment_runs(tree: Tree, how: str) -> None:
         first.rename(second)
     tree.path = second
     assert tree.call("status", "'x y'") == status_from(tree)
-    # The other programs there (pytest, mypy) name the place where they were made.
+    # The other programs there (pytest, mypy) contain the path where they were installed.
     assert tree.make().splitlines()[-1] == f"making .venv again: it was made in {first}/.venv"
     assert tree.make() == "" and tree.call("status", "'x y'") == status_from(tree)
 
@@ -123,7 +123,7 @@ CACHE = "CMAKE_CACHEFILE_DIR:INTERNAL={build}\nCMAKE_HOME_DIRECTORY:INTERNAL={so
 
 @pytest.mark.parametrize("changed", ["nothing", "build", "sources"])
 def test_a_build_of_another_place_is_made_again(tmp_path: Path, changed: str) -> None:
-    """CMake refuses the first and would compile the other tree for the second."""
+    """CMake rejects the first case, and would compile the other tree in the second."""
     build = tmp_path / "build"
     build.mkdir()
     named = {"build": build, "sources": tmp_path} | {changed: Path("/elsewhere")}

@@ -79,7 +79,7 @@ def test_results_say_what_they_are(results: "slambed.Results", tmp_path: Path) -
     labels = results.runs["label"].nunique()
     message = f"Results('{folder}', experiment='{folder.name}', systems={labels}, runs=8, valid=8)"
     assert str(results) == repr(results) == message
-    # What they are made of has no tables in it either.
+    # The repr of the underlying results has no tables either.
     assert repr(load(folder)) == message
     empty = tmp_path / "none"
     (empty / "runs").mkdir(parents=True)

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""docs/results.ipynb is executed, cell by cell, as a notebook's kernel would do it.
+"""Executes docs/results.ipynb cell by cell, like a notebook's kernel.
 
-Its cells are plain Python, so that no kernel (and its two dozen packages) is needed for that.
+Its cells are plain Python, so no kernel (with its two dozen packages) is needed.
 """
 
 import ast
@@ -28,7 +28,7 @@ def cells(kind: str) -> list[dict[str, Any]]:
 
 
 def execute(sources: list[str]) -> tuple[dict[str, Any], list[Any]]:
-    """The names that the cells leave, and what each of them shows at its end."""
+    """Returns the names that the cells define, and the value that each cell shows."""
     names: dict[str, Any] = {"__name__": "__main__"}
     shown: list[Any] = []
     for number, source in enumerate(sources):
@@ -57,7 +57,7 @@ def test_every_cell_runs_and_shows_what_the_results_are(
     assert len(names["results"].runs) == 8 and len(names["frames"]) > 100
     assert len(plt.get_fignums()) == 2 and all(plt.figure(n).axes[0].lines for n in (1, 2))
     plt.close("all")
-    # The alignment written out there is the one that the table's number was made with.
+    # The alignment in the notebook is the one behind the table's number.
     run = names["run"]
     assert names["rmse_m"] == pytest.approx(float(run.ate_rmse_m), rel=0.1)
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Parameters are written once: what the C++ takes is made of system.yaml."""
+"""Parameters are defined once: the C++ header is generated from system.yaml."""
 
 from pathlib import Path
 

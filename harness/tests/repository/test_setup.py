@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A machine that is being set up: an apt that another one holds up, a Python without packages."""
+"""Setup of a machine: apt locked by another process, Python without packages."""
 
 import os
 import subprocess
@@ -101,7 +101,7 @@ def test_what_is_loaded_from_a_network_is_tried_three_times(
 
 
 def test_a_build_needs_nothing_but_python_to_name_its_sources() -> None:
-    """tools/build.sh and test.sh ask the host's own Python, which may have no package at all."""
+    """tools/build.sh and test.sh use the host's Python, which may have no packages."""
     done = subprocess.run(
         [sys.executable, "-S", "-m", "slambed.spec.software"],
         env={"PYTHONPATH": str(repository_root() / "harness")},

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Which units clang-tidy reads again after a change (tools/tidy_units.py)."""
+"""Which units clang-tidy checks again after a change (tools/tidy_units.py)."""
 
 import shutil
 import subprocess
@@ -37,7 +37,7 @@ pytestmark = [
 
 
 class Project:
-    """Two units of which one includes a header, and a test; compiled and committed."""
+    """Two units, one of which includes a header, and a test; compiled and committed."""
 
     def __init__(self, folder: Path) -> None:
         self.folder = folder
@@ -84,7 +84,7 @@ def test_only_what_hangs_on_a_changed_file_is_read(project: Project) -> None:
     (project.folder / "src" / "h.hpp").write_text("#pragma once\ninline int h = 3;\n")
     assert project.units("--since", "HEAD") == ["src/a.cpp"]
     project.run("git", "checkout", "-q", "src")
-    project.run("git", "rm", "-q", "--cached", "src/b.cpp")  # as a file that was never added
+    project.run("git", "rm", "-q", "--cached", "src/b.cpp")  # like a file that was never added
     assert project.units("--since", "HEAD") == ["src/b.cpp"]
 
 

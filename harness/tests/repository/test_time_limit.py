@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Whatever hangs in a test is ended within the limit and named, and the other tests go on."""
+"""A hanging test is ended within the limit and named, and the other tests continue."""
 
 import fcntl
 import os
@@ -84,17 +84,17 @@ import pytest
 def test_waits_for_its_turn():
     pass
 """
-# As tools/test.sh calls it.
+# The options of tools/test.sh.
 BY_FILE = ("-n", "2", "--dist", "loadfile", "--no-loadscope-reorder")
 ENDS_S = 240.0
-"""A session that goes on for so long hangs."""
+"""A session that takes this long is considered hanging."""
 
 
 def session(
     folder: Path, *options: str, place: Path | None = None, **constants: float
 ) -> tuple[int, str]:
-    """Exit code and output of pytest with our conftest, on the tests of a folder; with other
-    constants of time_limit.py."""
+    """Returns exit code and output of pytest with our conftest on the tests of a folder, with
+    changed constants of time_limit.py."""
     environment = {key: value for key, value in os.environ.items() if key != PLACE}
     environment["PYTHONPATH"] = str(Path(__file__).parents[1])
     if place is not None:
@@ -116,7 +116,7 @@ def session(
 
 
 def results(out: str) -> Counter[tuple[str, str]]:
-    """(FAILED, ERROR or PASSED, test) of the lines that sum a session up."""
+    """Returns (FAILED, ERROR or PASSED, test) of the summary lines of a session."""
     return Counter(re.findall(r"^(FAILED|ERROR|PASSED) \S+::(\w+)", out, re.M))
 
 
@@ -136,14 +136,14 @@ def test_what_hangs_is_ended_and_named_and_the_others_go_on(tmp_path: Path) -> N
         ("ERROR", "test_fails_and_its_fixture_hangs"): 1,
         ("PASSED", "test_is_fine"): 1,
     }, out
-    # In one line the test and its limit, and where it stood.
+    # One line has the test, its limit, and where it hung.
     line = r"^FAILED \S+test_joins - Failed: the limit of 1 s is over: \S+::test_joins is not done"
     assert re.search(line, out, re.M), out
     assert re.search(r'^  File "\S+test_hanging.py", line \d+ in hang$', out, re.M), out
 
 
 def test_what_no_alarm_ends_costs_its_process_and_no_other_test(tmp_path: Path) -> None:
-    # The first worker has the first file behind it when it dies of the third.
+    # The first worker has finished the first file when it dies in the third.
     for name in ("test_a.py", "test_b.py"):
         (tmp_path / name).write_text(FINE)
     (tmp_path / "test_c.py").write_text(DEAF)
@@ -159,7 +159,7 @@ def test_what_no_alarm_ends_costs_its_process_and_no_other_test(tmp_path: Path) 
 
 
 def test_a_live_test_may_wait_for_its_turn(tmp_path: Path) -> None:
-    """Longer than its limit, which is for what it does itself."""
+    """The wait may exceed its limit, which covers only its own work."""
     place = tmp_path / "place"
     place.mkdir()
     (tmp_path / "test_live.py").write_text(LIVE)
@@ -178,7 +178,7 @@ def test_a_live_test_may_wait_for_its_turn(tmp_path: Path) -> None:
 
 
 def _waits_for(path: Path) -> bool:
-    """Whether somebody waits for a lock of this file (proc_locks(5))."""
+    """Returns whether a process waits for a lock of this file (proc_locks(5))."""
     inode = f":{path.stat().st_ino} "
     return any(" -> " in line and inode in line for line in Path("/proc/locks").open())
 

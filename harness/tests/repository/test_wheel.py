@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The package as a wheel, in an environment of its own and an empty folder: no checkout is needed.
+"""The package as a wheel, in its own environment and an empty folder, without a checkout.
 
-Dependencies are those of this environment, and so are compiled programs: nothing is fetched.
+Dependencies and compiled programs are those of this environment, so nothing is downloaded.
 """
 
 import json
@@ -24,8 +24,8 @@ from slambed.spec.software import source_hash
 
 
 def copy_of(root: Path, target: Path) -> Path:
-    """What git knows of the checkout; where it knows nothing, as of an unpacked archive, all that
-    is not made here."""
+    """Copies the tracked files of the checkout, or without git (an unpacked archive) everything
+    except build products."""
     listed = known_files(root)
     if not listed:
         made = {path.name for path in root.glob("build*")} | {".git", ".venv", "results", "docs"}
@@ -44,7 +44,7 @@ def copy_of(root: Path, target: Path) -> Path:
 
 @pytest.fixture(scope="module")
 def wheel(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Built of a copy, so that the checkout gets no build products."""
+    """A wheel built from a copy, so that the checkout gets no build products."""
     source = copy_of(repository_root(), tmp_path_factory.mktemp("source"))
     out = tmp_path_factory.mktemp("dist")
     command = [sys.executable, "-m", "pip", "wheel", "--quiet", "--no-deps", "--no-build-isolation"]
@@ -55,14 +55,15 @@ def wheel(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(scope="module")
 def installed(wheel: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The program `slambed` of an environment with the wheel."""
+    """Returns the program `slambed` of an environment with the wheel."""
     place = tmp_path_factory.mktemp("own")
     venv.create(place, with_pip=False)
     python = place / "bin" / "python"
     pip = [sys.executable, "-m", "pip", "--python", python, "install", "--quiet", "--no-deps"]
     subprocess.run([*pip, "--no-index", wheel], check=True)
     (packages,) = place.glob("lib/python3*/site-packages")
-    # In a folder that a .pth file names no other .pth is read: our editable slambed stays out.
+    # Python reads no .pth files in a folder named by another .pth, so our editable slambed stays
+    # out.
     (packages / "dependencies.pth").write_text(sysconfig.get_paths()["purelib"] + "\n")
     return place / "bin" / "slambed"
 

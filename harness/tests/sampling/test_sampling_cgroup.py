@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Control groups: read on this host, and on copied v1 and v2 trees."""
+"""cgroups, read on this host and on copied v1 and v2 trees."""
 
 import json
 import os
@@ -133,10 +133,10 @@ def test_a_group_limits_a_busy_process_and_is_removed(tmp_path: Path) -> None:
     assert len(rows) == 6
     assert rows[0]["cpu_percent"] is None
     assert rows[-1]["throttled_periods"] > 0
-    # The quota is a ceiling that other load cannot lift.
+    # The quota is an upper limit, independent of other load.
     assert rows[-1]["cpu_s"] - rows[0]["cpu_s"] < 0.2 * (rows[-1]["t_s"] - rows[0]["t_s"]) + 0.05
     assert not any(folder.exists() for folder in folders)
-    # The group has gone: no row, no error.
+    # The cgroup has gone: no row and no error.
     sampler.sample(t0_ns)
     assert sampler.last()["mobile"].throttled_periods == rows[-1]["throttled_periods"]
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What the programs say of their systems is what system.yaml says of them."""
+"""The programs' descriptions of their systems agree with system.yaml."""
 
 import json
 import subprocess

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Schemas of the YAML files, judged by a validator that knows nothing of pydantic."""
+"""Schemas of the YAML files, tested with a validator independent of pydantic."""
 
 import datetime
 import json
@@ -19,11 +19,11 @@ from slambed.schema.kinds import KINDS, schema_text
 
 ROOT = repository_root()
 OTHERS = (".github/", ".vscode/")
-"""Files that are not ours to describe."""
+"""Folders with files of other tools' formats."""
 
 
 def kind_of(path: str) -> str:
-    """The one kind with a pattern that fits; an editor with two of them would mix both."""
+    """Returns the one kind with a matching pattern; an editor would mix two of them."""
     if path in ("catalog/templates/experiment.yaml", "catalog/templates/dataset.yaml"):
         return Path(path).stem
 
@@ -41,7 +41,7 @@ def kind_of(path: str) -> str:
 
 
 def plain(value: Any) -> Any:
-    """As JSON would have it: keys are text, a date is text."""
+    """Converts to JSON types: keys and dates are text."""
     if isinstance(value, dict):
         return {str(key): plain(item) for key, item in value.items()}
     if isinstance(value, list):
@@ -74,7 +74,7 @@ def test_every_yaml_file_of_the_repository_keeps_to_its_schema() -> None:
     for path in listed:
         kind = kind_of(path)
         used.add(kind)
-        # In templates NAME stands for a name.
+        # In templates NAME is a placeholder for a name.
         content = plain(yaml.safe_load((ROOT / path).read_text().replace("NAME", "mine")))
         wrong += [
             f"{path}: {e.json_path} {e.message}" for e in VALIDATORS[kind].iter_errors(content)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Masks: run lengths, the file of a sequence's masks, from a network's maps to persons, scores."""
+"""Masks: run lengths, mask files, persons from a network's maps, scores."""
 
 from __future__ import annotations
 
@@ -78,7 +78,7 @@ def test_a_sheet_shows_what_was_found_and_only_that(tmp_path: Path) -> None:
     write_mask_sheet(sequence, MaskCache.open(tmp_path / "a.masks"), tmp_path / "sheet.png", 5)
     sheet = cv2.imread(str(tmp_path / "sheet.png"))
     tall = round(height * TILE_WIDTH_PX / width)
-    assert sheet.shape == (2 * tall, 4 * TILE_WIDTH_PX, 3)  # five frames, four a row
+    assert sheet.shape == (2 * tall, 4 * TILE_WIDTH_PX, 3)  # five frames, four per row
     colored = np.ptp(sheet.astype(int), axis=2) > 0
     below = slice(tall // 2 + 8, tall - 8)
     assert colored[below, :TILE_WIDTH_PX].all()
@@ -126,7 +126,8 @@ def test_nonsense_with_a_right_crc_is_refused(at: int, value: bytes, why: str) -
 
 
 def maps_of(people: list[tuple[int, int, int, int, float]]) -> tuple[np.ndarray, np.ndarray]:
-    """What a perfect network says of people as boxes (u, v, width, height in cells, score)."""
+    """Returns the output of a perfect network for people as boxes (u, v, width, height in cells,
+    score)."""
     mask = np.zeros((2 * ROWS, 2 * COLUMNS), np.float32)
     maps = np.zeros((22, ROWS, COLUMNS), np.float32)
     y, x = np.mgrid[:ROWS, :COLUMNS]

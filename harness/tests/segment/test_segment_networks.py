@@ -82,7 +82,7 @@ def test_torn_pictures_and_impossible_thresholds_are_one_line() -> None:
 
 @pytest.fixture(scope="module")
 def people(tmp_path_factory: pytest.TempPathFactory) -> PreparedSequence:
-    """Two people who sit before the camera, with labels."""
+    """Two people who sit in front of the camera, with labels."""
     folder = tmp_path_factory.mktemp("people") / "clip"
     command = [str(find_program("slambed-synth")), "--out", str(folder), "--labels"]
     command += ["--sensor", "mono", "--trajectory", "xyz", "--people", "2", "--seed", "31"]
@@ -104,8 +104,7 @@ def test_labels_of_the_generator_are_read(people: PreparedSequence) -> None:
 
 @pytest.mark.programs
 def test_ours_gives_the_same_maps_with_more_threads(people: PreparedSequence) -> None:
-    """How well it finds people is reported in its file (tools/score_people.py), not held to
-    here."""
+    """Its accuracy is reported in its file (tools/score_people.py) and not tested here."""
     network = load_network(OURS)
     net = cv2.dnn.readNetFromONNX(str(network_file(network)))
     gray = cv2.resize(np.asarray(people.gray(0)), (network.input.width, network.input.height))
@@ -117,7 +116,7 @@ def test_ours_gives_the_same_maps_with_more_threads(people: PreparedSequence) ->
         reported.append([np.array(plane) for plane in net.forward(list(network.outputs))])
     assert [plane.shape for plane in reported[0]] == [(1, 1, 128, 160), (1, 22, 64, 80)]
     assert all(np.array_equal(one, two) for one, two in zip(*reported, strict=True))
-    assert reported[0][0].std() > 0  # it says something about the picture
+    assert reported[0][0].std() > 0  # the output depends on the image
 
 
 @pytest.mark.programs

@@ -24,7 +24,8 @@ OURS = "slambed_people"
 
 @pytest.fixture(scope="module")
 def place() -> Iterator[Path]:
-    """The socket of a running segmenter; its path is short, as a Unix socket's must be for us."""
+    """The socket of a running segmenter; its path is short because Unix socket addresses are
+    limited."""
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "s"
         command = [sys.executable, "-m", "slambed.segment.server", str(path), OURS]

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The pages of `slambed serve` over HTTP: what they say is what the results say."""
+"""The pages of `slambed serve` over HTTP agree with the results."""
 
 import http.client
 import json
@@ -33,7 +33,7 @@ LOSSY = "0000000000000007"
 
 
 class Client:
-    """Asks one server."""
+    """A client of one server."""
 
     def __init__(self, server: Server) -> None:
         self.port = server.server_port
@@ -185,7 +185,7 @@ def test_a_runs_time_line_is_what_its_events_say(client: Client, results: Path) 
     frames = events[events["type"].isin(["frame_tracked", "frame_dropped"])]
     assert len(run["frames"]["t_s"]) == len(frames)
     assert run["frames"]["t_s"] == sorted(run["frames"]["t_s"])
-    # A frame is offered at its sequence time in an invented run.
+    # In a made-up run, a frame is offered at its sequence time.
     pairs = zip(run["frames"]["t_s"], run["frames"]["seq_s"], strict=True)
     assert all(abs(t - seq) < 2e-3 for t, seq in pairs)
     states = [stretch["state"] for stretch in run["stretches"]]
@@ -224,7 +224,7 @@ def test_the_path_lies_on_the_true_one_as_its_number_says(client: Client, result
     ]
     assert len(apart) > 80
     assert np.sqrt(np.mean(np.square(apart))) == pytest.approx(found.rmse, rel=0.02)
-    # It is broken where the camera was lost.
+    # The path has a gap where tracking was lost.
     (gap,) = path["estimate"]["breaks"]
     assert path["estimate"]["t_s"][gap] == pytest.approx(7.5, abs=0.25)
 
@@ -251,7 +251,7 @@ def test_pictures_are_those_of_the_prepared_sequence(
         status, headers, body = client.ask(f"{EXPERIMENT}runs/{LOSSY}/frames/{frame}.jpg")
         assert (status, headers["content-type"]) == (200, "image/jpeg")
         picture = cv2.imdecode(np.frombuffer(body, np.uint8), cv2.IMREAD_GRAYSCALE)
-        # The frames are noise, which a JPEG changes; each is far from all others.
+        # The frames are noise, which JPEG changes, but each differs far more from all others.
         apart = [np.abs(picture.astype(int) - sequence.gray(i)).mean() for i in (0, 1, 3)]
         assert picture.shape == sequence.gray(frame).shape
         assert apart.index(min(apart)) == (0, 1, 3).index(frame) and min(apart) < 6
@@ -269,7 +269,7 @@ def test_a_broken_run_has_a_page_that_says_so(client: Client, results: Path) -> 
     assert "summary.json is torn or foreign" in client.page(EXPERIMENT)
     (folder / "events.parquet").unlink()
     assert "no events in" in client.page(f"{EXPERIMENT}runs/{LOSSY}/")
-    # The others are there all the same.
+    # The other pages still work.
     assert "What happened" in client.page(f"{EXPERIMENT}runs/0000000000000001/")
 
 

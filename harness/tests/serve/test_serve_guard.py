@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Which requests are answered, and which files may be shown."""
+"""Which requests are answered, and which files are served."""
 
 from pathlib import Path
 

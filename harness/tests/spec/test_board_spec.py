@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""`roles:` of an experiment: what may be asked of a board, and what a run on one means."""
+"""`roles:` of an experiment: options allowed with a board, and the run key with a board."""
 
 from pathlib import Path
 

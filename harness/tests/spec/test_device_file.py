@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A cost model in a device file: what is replaced and what stays."""
+"""A cost model in a device file: what is replaced and what is kept."""
 
 from pathlib import Path
 
@@ -70,7 +70,7 @@ def test_stages_that_were_not_measured_keep_their_cost(tmp_path: Path) -> None:
 
 
 def test_what_somebody_wrote_beside_it_stays(tmp_path: Path) -> None:
-    """Comments, quotes, folded text, and what was noted at a stage that was not measured now."""
+    """Comments, quotes, folded text, and remarks on stages that were not measured again."""
     path = tmp_path / "board.yaml"
     path.write_text(NOTED)
     write_model(
@@ -179,12 +179,12 @@ FITTED_TO_AN_UPDATE = {"raspberry_pi_4", "raspberry_pi_4_ijnc"}
     "name", sorted(path.stem for path in (repository_root() / "catalog" / "devices").glob("*.yaml"))
 )
 def test_every_device_can_play_both_nodes_of_an_update(name: str) -> None:
-    """Its stages are priced, in the shares that the paper prints where no fit found others."""
+    """Its stages have costs, in the paper's proportions unless a fit found others."""
     model = Library().device(name).model
     assert model is not None
     wanted = {"parse", "parse_text", "prepare_update", "relocalize", "serialize", "serialize_text"}
     if name == "jetson_tx2":
-        wanted.remove("prepare_update")  # a mobile alone
+        wanted.remove("prepare_update")  # a mobile node has no such stage
     assert wanted | UPDATE_SHARES.keys() <= model.stages.keys()
     whole = model.stages["apply_update"]
     for stage, share in UPDATE_SHARES.items():

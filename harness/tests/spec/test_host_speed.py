@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The speed of the host, what it makes of a board, and busy threads under its limits."""
+"""The speed of the host, the limits of a board derived from it, and busy threads under these
+limits."""
 
 import json
 from pathlib import Path
@@ -27,7 +28,7 @@ def pace_is_built() -> bool:
     return True
 
 
-pytestmark = pytest.mark.live  # what is measured must have the machine to itself
+pytestmark = pytest.mark.live  # measurements need an otherwise idle machine
 needs_pace = pytest.mark.skipif(not pace_is_built(), reason="needs slambed-pace ('make build')")
 
 
@@ -41,7 +42,7 @@ def test_a_board_gives_each_thread_a_core_of_its_own() -> None:
     limits = board(4, 0.25, memory_mb=512).limits_on(host_speed=1.0, host_cpus=2)
     assert (limits.cores, limits.quota_cores, limits.thread_cores) == (1, 1.0, 0.25)
     assert limits.memory_mb == 512
-    # A host twice as fast gives half as much.
+    # A host that is twice as fast needs half the quota.
     limits = board(4, 0.25).limits_on(host_speed=2.0, host_cpus=2)
     assert (limits.cores, limits.quota_cores, limits.thread_cores) == (1, 0.5, 0.125)
     limits = board(4, 0.5).limits_on(host_speed=1.0, host_cpus=8)
@@ -130,10 +131,10 @@ def test_four_busy_threads_are_capped_one_by_one() -> None:
     with quiet_host():
         engine = LocalEngine(find_program("slambed-pace"))
         found = measure_limits(device, HostSpeed(1.0), engine, threads=4, seconds=1.0)
-    # The caps were read back from the kernel, thread by thread.
+    # The caps were read back from the kernel for each thread.
     assert found.problems == []
     assert found.asked == 0.4
-    # A ceiling; how near a busy machine comes to it is not for a test.
+    # An upper limit; on a busy machine the use may be far below it.
     assert found.cpu < 0.4 * 1.1
 
 

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A system's runs are those of the code that they link: a line elsewhere, or a comment, leaves them
-valid."""
+"""The run key of a system covers the code that it links; a change elsewhere, or in a comment,
+leaves it unchanged."""
 
 import shutil
 from collections.abc import Iterator
@@ -20,12 +20,12 @@ WITH_EDGE = {
 }  # fmt: skip
 ALL = WITH_EDGE | {ORBSLAM2}
 EDGE_SLAM = {"dynnetslam", "edgeslam", "example_backpressure", "multithread_rl"}
-"""Edge-SLAM's two nodes are in them."""
+"""Systems that link Edge-SLAM's two nodes."""
 WITH_MAPPER = EDGE_SLAM | {"edgeslam_semantic"}
 EDGESLAM = {"edgeslam", "multithread_rl"}
-"""edgeslam and what builds on it."""
+"""edgeslam and the systems that build on it."""
 PLAYER = "play"
-"""What plays frames to programs that are not ours: their runs have its key."""
+"""The player of systems with their own programs, whose run keys include it."""
 NONE: set[str] = set()
 ADDED = "int added = 1;\n"
 
@@ -34,7 +34,7 @@ Keys = dict[tuple[str, bool], str | None]
 
 @pytest.fixture(scope="module")
 def sources(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
-    """What programs are built from, copied; what has been read once is not parsed again."""
+    """A copy of the programs' sources; parsed files are cached."""
     root = tmp_path_factory.mktemp("sources")
     for name in ("CMakeLists.txt", "cmake", "docker", "systems"):
         source, target = repository_root() / name, root / name
@@ -73,8 +73,8 @@ def keys_of(sources: Path) -> Keys:
 def changed_by(
     sources: Path, keys: Keys, pattern: str, line: str = ADDED
 ) -> tuple[set[str], set[str]]:
-    """Systems whose live runs, and those whose virtual runs, a line at the end of a file makes
-    others; of several files of that name the first."""
+    """Returns the systems whose live and whose virtual hashes change with a line added to the
+    first matching file."""
     file = min(sources.glob(pattern))
     before = file.read_bytes()
     file.write_bytes(before + line.encode())
@@ -86,13 +86,13 @@ def changed_by(
         {name for name, other in keys if other is kind and after[name, kind] != keys[name, kind]}
         for kind in (False, True)
     )
-    return live, virtual - {PLAYER}  # Its runs are live only.
+    return live, virtual - {PLAYER}  # It has live runs only.
 
 
 @pytest.mark.parametrize(
     ("file", "live", "virtual"),
     [
-        # The core: everybody who stands on that floor.
+        # The core: all systems.
         ("systems/core/map/map.cpp", ALL | {PLAYER}, ALL),
         ("systems/core/slam/local_mapper.cpp", ALL | {PLAYER}, ALL),
         ("systems/core/link/rate.cpp", ALL | {PLAYER}, ALL),
@@ -101,14 +101,14 @@ def changed_by(
         ("systems/core/CMakeLists.txt", ALL | {PLAYER}, ALL),
         ("systems/core/offload/channels/message_codec.cpp", WITH_EDGE, WITH_EDGE),
         ("systems/core/offload/maps/update_content.hpp", WITH_EDGE, WITH_EDGE),
-        # Its rooms for the edge: whoever takes them.
+        # The layers for the edge: the systems that use them.
         ("systems/core/offload/nodes/settings.cpp", EDGE_SLAM, EDGE_SLAM),
         ("systems/core/offload/downlink/update_rules.cpp", EDGE_SLAM, EDGE_SLAM),
         ("systems/core/offload/edge/edge_mapper.cpp", WITH_MAPPER, WITH_MAPPER),
         ("systems/core/offload/uplink/admission.cpp", WITH_MAPPER, WITH_MAPPER),
         ("systems/core/offload/shutdown/shutdown.cpp", WITH_EDGE, WITH_EDGE),
         ("systems/core/offload/CMakeLists.txt", NONE, NONE),
-        # A system: itself, and who builds on it.
+        # A system: itself, and the systems that build on it.
         ("systems/orbslam2/orbslam2.cpp", {ORBSLAM2}, {ORBSLAM2}),
         ("systems/dynnetslam/strategy.cpp", {"dynnetslam"}, {"dynnetslam"}),
         ("systems/cloudslam/trip_archive.cpp", {"cloudslam"}, {"cloudslam"}),
@@ -117,7 +117,7 @@ def changed_by(
         ("systems/edgeslam_semantic/uploads.cpp", {"edgeslam_semantic"}, {"edgeslam_semantic"}),
         ("systems/edgeslam/edgeslam.cpp", EDGESLAM, EDGESLAM),
         ("systems/edgeslam/CMakeLists.txt", EDGESLAM, EDGESLAM),
-        # The programs: what a run of that kind starts.
+        # The programs: all runs that start them.
         ("systems/apps/node/slambed_node.cpp", ALL, NONE),
         ("systems/apps/relay/pipe.cpp", ALL | {PLAYER}, NONE),
         ("systems/apps/pace/metronome.cpp", ALL | {PLAYER}, NONE),
@@ -127,7 +127,7 @@ def changed_by(
         ("systems/apps/play/client/slambed_client.h", {PLAYER}, NONE),
         ("docker/Dockerfile", ALL | {PLAYER}, NONE),
         ("cmake/SlambedTargets.cmake", ALL | {PLAYER}, ALL),
-        # What no run links.
+        # Not linked by any run.
         ("systems/synth/renderer.cpp", NONE, NONE),
         ("systems/synth/CMakeLists.txt", NONE, NONE),
         ("systems/apps/CMakeLists.txt", NONE, NONE),
@@ -151,7 +151,7 @@ def test_a_system_that_builds_on_another_one_has_its_code_in_its_key(sources: Pa
     folder = sources / "systems" / "mine"
     folder.mkdir()
     (folder / "CMakeLists.txt").write_text(
-        "slambed_floor(mine SOURCES mine.cpp DEPENDS slambed_edgeslam)\n"
+        "slambed_library(mine SOURCES mine.cpp DEPENDS slambed_edgeslam)\n"
     )
     before = linked_hash("mine", sources)
     try:
@@ -169,37 +169,37 @@ def test_a_system_that_builds_on_another_one_has_its_code_in_its_key(sources: Pa
         shutil.rmtree(folder)
 
 
-def test_a_folder_inside_a_floor_counts_as_the_floor_does(sources: Path, keys: Keys) -> None:
-    room = sources / "systems" / "core" / "map" / "a_room"
-    room.mkdir()
+def test_a_folder_inside_a_library_counts_as_the_library_does(sources: Path, keys: Keys) -> None:
+    part = sources / "systems" / "core" / "map" / "a_part"
+    part.mkdir()
     try:
-        (room / "new.hpp").write_text("#pragma once\n")
+        (part / "new.hpp").write_text("#pragma once\n")
         after = keys_of(sources)
     finally:
-        shutil.rmtree(room)
+        shutil.rmtree(part)
     assert {name for name, virtual in keys if after[name, virtual] != keys[name, virtual]} == (
         ALL | {PLAYER}
     )
 
 
-def test_a_room_with_a_library_of_its_own_counts_where_that_is_linked(
+def test_a_folder_with_a_library_of_its_own_counts_where_that_is_linked(
     sources: Path, keys: Keys
 ) -> None:
-    room = sources / "systems" / "core" / "map" / "a_room"
-    room.mkdir()
+    part = sources / "systems" / "core" / "map" / "a_part"
+    part.mkdir()
     user = sources / "systems" / "orbslam2" / "CMakeLists.txt"
     before = user.read_text()
     try:
-        (room / "CMakeLists.txt").write_text("slambed_floor(a_room SOURCES a.cpp)\n")
-        (room / "a.cpp").write_text("int a = 1;\n")
+        (part / "CMakeLists.txt").write_text("slambed_library(a_part SOURCES a.cpp)\n")
+        (part / "a.cpp").write_text("int a = 1;\n")
         assert keys_of(sources) == keys
-        user.write_text(before.replace("DEPENDS ", "DEPENDS slambed_a_room "))
+        user.write_text(before.replace("DEPENDS ", "DEPENDS slambed_a_part "))
         linking = keys_of(sources)
-        (room / "a.cpp").write_text("int a = 2;\n")
+        (part / "a.cpp").write_text("int a = 2;\n")
         after = keys_of(sources)
     finally:
         user.write_text(before)
-        shutil.rmtree(room)
+        shutil.rmtree(part)
     assert {name for name, virtual in keys if after[name, virtual] != linking[name, virtual]} == {
         ORBSLAM2
     }
@@ -235,4 +235,4 @@ def test_programs_of_unknown_sources_have_one_name() -> None:
 
 def test_every_system_of_ours_is_in_the_table() -> None:
     systems = {file.parent.name for file in (repository_root() / "systems").glob("*/system.yaml")}
-    assert systems & set(linked.floors_of(repository_root())) == ALL
+    assert systems & set(linked.libraries_of(repository_root())) == ALL

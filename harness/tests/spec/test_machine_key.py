@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Virtual runs of equal sources that another compiler made are other runs; live ones are not."""
+"""Virtual runs of the same sources built by another compiler have other keys; live ones do not."""
 
 import os
 from pathlib import Path
@@ -25,7 +25,7 @@ MACHINE = "@x86_64-sse2-gcc12.2.0-libstdcxx12-eigen3.4.0-turbojpeg2.1.5"
 
 @pytest.fixture
 def programs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """Programs of this checkout's sources, whose simulation says of itself what `says` does."""
+    """Programs of this checkout's sources, whose simulation reports `says` about itself."""
     monkeypatch.setenv("SLAMBED_BIN", str(tmp_path))
     (tmp_path / STAMP).write_text(source_hash())
     (tmp_path / "slambed-node").touch()

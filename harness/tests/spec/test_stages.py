@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A system's own stages cost what those cost that it names; no device file has to know them."""
+"""A system's own stages inherit the costs of other stages; device files need not list them."""
 
 import threading
 from pathlib import Path
@@ -42,7 +42,7 @@ WEIGH = "stages: {weigh: {doc: the queue, cost_as: track, factor: 0.5}}\n"
 
 
 def one_run(root: Path, stages: str, models: tuple[str, ...] = ("small", "big")) -> RunSpec:
-    """Of the system `pair` on devices with a model, whose description has these stages too."""
+    """Returns a run of the system `pair`, with these stages added, on devices with cost models."""
     write_library(root, EXPERIMENT)
     for name in models:
         device = root / "catalog" / "devices" / f"{name}.yaml"
@@ -122,7 +122,7 @@ def test_a_cost_of_the_devices_own_goes_before_an_inherited_one() -> None:
 
 
 def test_every_stage_of_ours_has_a_cost_on_the_devices_that_know_its_base() -> None:
-    """A word that no device knows is a slip of the pen."""
+    """An unknown stage name is a typing mistake."""
     library = Library()
     known = {
         stage

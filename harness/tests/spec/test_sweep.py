@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Grids and settings stand for what somebody would have written by hand."""
+"""Grids and settings are equivalent to the same experiment written by hand."""
 
 import hashlib
 from pathlib import Path
@@ -73,8 +73,8 @@ WRITTEN_OUT = {
     "m_x_backup": (3, "186b58d4a88d84c4"),
     "m_x_sync": (6, "771c77190534dfff"),
 }
-"""Experiments with grids: how many systems they stand for, and the digest of these as they were
-written by hand. Kept campaigns are found by the keys and the labels that they make."""
+"""Experiments with grids: number of systems, and digest of the hand-written version. Stored
+campaigns are found by the resulting keys and labels."""
 
 
 @pytest.mark.parametrize(("name", "count", "digest"), [(n, *d) for n, d in WRITTEN_OUT.items()])
@@ -82,7 +82,7 @@ def test_the_papers_grids_stand_for_what_was_written_by_hand(
     name: str, count: int, digest: str
 ) -> None:
     def number(value: Any) -> Any:
-        return f"{value:g}" if isinstance(value, float | int) else value  # 2 and 2.0 are one
+        return f"{value:g}" if isinstance(value, float | int) else value  # 2 and 2.0 are equal
 
     systems = Library().experiment(name)[1].data["systems"]
     reported = [
@@ -99,7 +99,7 @@ def test_every_grid_of_the_checkout_is_among_these() -> None:
 
 
 def test_a_label_says_where_the_point_stands(tmp_path: Path) -> None:
-    """d_f7_norb: the twelve cells of Figure 7 by the names that reports and plans know."""
+    """d_f7_norb: the twelve cells of Figure 7 under the names used by reports and plans."""
     content = yaml.safe_load((Library().root / "experiments" / "d_f7_norb.yaml").read_text())
     content |= {"id": "sweep", "datasets": ["room"]}
     swept = runs_of(experiment_file(tmp_path, **content))
@@ -185,7 +185,8 @@ def test_one_cell_can_be_chosen_and_reported_before(tmp_path: Path) -> None:
     assert {spec.cell for spec in chosen(runs, ["alone/*"])} == {"alone/room/none"}
     with pytest.raises(SlambedError, match="is no cell; cells: alone/room/none"):
         chosen(runs, ["alone"])
-    # By what its runs have; several conditions must all hold, several selections may each.
+    # Selected by properties: all conditions of a selection must hold; a run needs to match one
+    # selection.
     assert {spec.cell for spec in chosen(runs, ["system=orbslam2"])} == {"alone/room/none"}
     assert {spec.cell for spec in chosen(runs, ["system=edgeslam:static,link=no*,edge=host"])} == {
         "edgeslam:static/room/none"

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// slambed-culling: how well one mask culls the frames behind it, by its age, where a generated
-// sequence tells the truth. No node of a run.
+// slambed-culling: measures how well one mask culls the frames after it, by the mask's age, on
+// generated sequences with true labels. It is an offline tool, not a node of a run.
 #include <CLI/CLI.hpp>
 #include <cstdio>
 #include <fstream>
@@ -16,7 +16,7 @@ namespace {
 
 using namespace edgeslam_semantic;
 
-/// What a mask cache was made of, which it is opened with: this tool takes any.
+/// Reads a mask cache's own key, so that this tool can open any cache.
 std::string key_of(const std::filesystem::path& file) {
   std::ifstream in(file, std::ios::binary);
   std::uint32_t size = 0;

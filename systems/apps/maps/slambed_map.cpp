@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// slambed-map: describes map files and writes them in other programs' formats.
+// slambed-map: describes map files and exports them to other formats.
 
 #include <CLI/CLI.hpp>
 #include <algorithm>

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// slambed-node: one node of a run. See docs/formats.md for its files and exit codes.
+// slambed-node: one node of a run. docs/reference/run-folder.md describes its files and exit codes.
 #include <CLI/CLI.hpp>
 #include <iostream>
 
@@ -13,7 +13,7 @@ namespace slambed {
 namespace {
 
 nlohmann::json describe(const System& system) {
-  const wire::MessageNames all(system.messages);  // refuses numbers that others have
+  const wire::MessageNames all(system.messages);  // throws if message numbers collide
   auto own = nlohmann::json::object();
   for (const wire::MessageRange& range : system.messages) {
     for (std::size_t i = 0; i < range.count(); ++i) own[range.name(i)] = range.first() + i;

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-/// slambed-pace: how fast threads really compute under their limits, and the metronome that keeps
-/// the limits exact (docs/limits.md).
+/// slambed-pace: measures how fast threads compute under CPU limits, and runs the metronome that
+/// keeps these limits exact (docs/explanation/limits.md).
 #include <CLI/CLI.hpp>
 #include <filesystem>
 #include <fstream>
@@ -14,7 +14,8 @@
 namespace slambed::pace {
 namespace {
 
-/// As a node of an engine: options and place of the result from a file, no start signal.
+/// Runs as a node of an engine: a file has the options and the output folder. There is no start
+/// signal.
 int run_as_node(const std::string& config, const std::string& role) {
   std::ifstream file(config);
   const auto json = nlohmann::json::parse(file, nullptr, false);

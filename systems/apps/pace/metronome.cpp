@@ -52,10 +52,10 @@ void bind(pthread_t thread, int cpu) {
 void run_metronome(const MetronomeOptions& options) {
   sched_param parameters{};
   parameters.sched_priority = options.fifo_priority;
-  // The threads to come inherit it.
+  // Threads that start later inherit the priority.
   const bool real_time = sched_setscheduler(0, SCHED_FIFO, &parameters) == 0;
 
-  // Checked before any thread runs: an error leaves nothing behind.
+  // Checks all CPUs before any thread starts, so that an error leaves no thread behind.
   const pthread_t self = pthread_self();
   for (const int cpu : options.cpus) bind(self, cpu);
 

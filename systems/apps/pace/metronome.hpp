@@ -12,15 +12,15 @@ struct MetronomeOptions {
   int fifo_priority = 1;
 };
 
-/// Interrupts each of the CPUs once per period, until standard input ends.
+/// Interrupts each of the CPUs once per period until standard input ends.
 ///
-/// The kernel looks whether a group has used its quota when its scheduler tick comes or when
-/// another thread takes the CPU. A tick is 4 ms on most kernels (CONFIG_HZ=250): a thread that may
-/// run 2.5 of every 10 ms runs 4 and then pays with a freeze of 16. A thread of ours that takes the
-/// CPU for a few microseconds every millisecond makes it look that often.
+/// The kernel checks a group's quota only at scheduler ticks and when another thread takes the CPU.
+/// With a tick of 4 ms (CONFIG_HZ=250), a thread that may run 2.5 of every 10 ms runs 4 ms and is
+/// then throttled for 16 ms. A metronome thread that takes the CPU for a few microseconds
+/// every millisecond makes the kernel check that often.
 ///
-/// Prints one line when it is running: whether it has real-time priority. Without it the interrupts
-/// come only when the scheduler grants them, and help little.
+/// When it runs, it prints one line that says whether it has real-time priority. Without that
+/// priority the interrupts are delayed by the scheduler and help little.
 void run_metronome(const MetronomeOptions& options);
 
 }  // namespace slambed::pace

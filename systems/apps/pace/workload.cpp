@@ -15,7 +15,7 @@ constexpr int kHeight = 240;
 constexpr int kRows = 16;     // smoothed per unit
 constexpr int kQueries = 24;  // descriptors matched per unit
 constexpr int kDescriptors = 512;
-constexpr int kSize = 36;  // of the matrix: six keyframes of six unknowns
+constexpr int kSize = 36;  // of the matrix: six keyframes with six unknowns each
 constexpr int kThreshold = 128;
 
 }  // namespace
@@ -27,7 +27,8 @@ Workload::Workload()
   for (auto& descriptor : descriptors_) {
     for (auto& word : descriptor) word = random.next();
   }
-  // Symmetric, and positive definite by its diagonal; small integers are exact in a double.
+  // The matrix is symmetric, and positive definite because of its diagonal. Small integers are
+  // exact in a double.
   for (int i = 0; i < kSize; ++i) {
     for (int j = 0; j < i; ++j) {
       const auto value = static_cast<double>(random.next() % 16);
@@ -86,7 +87,7 @@ void Workload::factor() {
       lower[i * kSize + j] = i == j ? std::sqrt(sum) : sum / lower[j * kSize + j];
     }
   }
-  // Rounded far above the last bit, where machines may differ by a fused multiply-add.
+  // Rounded far above the last bits, which may differ between machines by fused multiply-adds.
   checksum_ += static_cast<std::uint64_t>(std::llround(lower.back() * 1e3));
 }
 

@@ -7,10 +7,10 @@
 
 namespace slambed::pace {
 
-/// The fixed work that speeds are measured with: what SLAM spends its time on, in small. Version 1;
-/// another work would be another unit of speed, so it does not follow the core's own code.
+/// The fixed workload for measuring speed: small versions of what SLAM spends its time on. Version
+/// 1. It must not follow changes of the core, because another workload is another unit of speed.
 ///
-/// One unit takes some 50 us on a server core: a smoothing pass with a threshold over some rows of
+/// One unit takes about 50 us on a server core: a smoothing pass with a threshold over some rows of
 /// an image, nearest neighbors among binary descriptors, and a Cholesky factorization.
 class Workload {
  public:

@@ -74,7 +74,7 @@ std::optional<int> Command::wait(Duration patience) {
   const int ms = static_cast<int>(to_ms(patience));
   if (poll(&ended, 1, ms) <= 0) return std::nullopt;
   int status = 0;
-  // What it started and left behind goes with it, before its number can be given to another.
+  // Kills the remaining process group before waitpid() frees the pid for reuse.
   kill(-pid_, SIGKILL);
   waitpid(pid_, &status, 0);
   code_ = WIFSIGNALED(status) ? 128 + WTERMSIG(status) : WEXITSTATUS(status);

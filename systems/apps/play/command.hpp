@@ -12,28 +12,28 @@
 
 namespace slambed {
 
-/// What a system's command is started with.
 struct CommandOptions {
   std::vector<std::string> arguments;
-  std::string directory;                                         ///< empty: where we are
-  std::vector<std::pair<std::string, std::string>> environment;  ///< besides ours
-  std::vector<int> inherited;                                    ///< descriptors that it gets
+  std::string directory;  ///< working directory; empty: the player's
+  std::vector<std::pair<std::string, std::string>> environment;  ///< added to the player's
+  std::vector<int> inherited;  ///< file descriptors that the command inherits
 };
 
-/// The system's own program, a child of the player: it ends with the player, however that dies,
-/// and what it started ends with it.
+/// The system's own program as a child of the player. It dies with the player, even if the player
+/// is killed, and its process group dies with it.
 class Command {
  public:
-  /// bad_input when it cannot be started. Call it on the main thread: the kernel ends the child
-  /// with the thread that made it.
+  /// Throws bad_input if the command cannot be started. Call it on the main thread: the kernel
+  /// kills the child when the thread that forked it ends (PR_SET_PDEATHSIG).
   explicit Command(const CommandOptions& options);
   ~Command();
   Command(const Command&) = delete;
   Command& operator=(const Command&) = delete;
 
-  /// Waits up to that long; the exit code as shells tell it (128 + number of a signal).
+  /// Waits up to `patience` for the end. Returns the exit code as a shell does (128 + signal), or
+  /// nothing if it still runs.
   std::optional<int> wait(Duration patience);
-  /// SIGTERM to all of it, and SIGKILL to what is left after two seconds. Returns the exit code.
+  /// Sends SIGTERM to the process group, and SIGKILL after two seconds. Returns the exit code.
   int end();
 
  private:

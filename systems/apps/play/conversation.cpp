@@ -55,7 +55,7 @@ void Conversation::send_end() {
 void Conversation::hang_up() { shutdown(ours_.get(), SHUT_RDWR); }
 
 void Conversation::send(const void* packet, std::size_t bytes) {
-  // A client that has gone is noticed by next().
+  // Errors are ignored: next() notices that the client is gone.
   while (::send(ours_.get(), packet, bytes, MSG_NOSIGNAL) < 0 && errno == EINTR) {
   }
 }

@@ -13,28 +13,29 @@
 
 namespace slambed {
 
-/// The player's end of the socket that it shares with a system's client.
+/// The player's end of its socket to a system's client.
 class Conversation {
  public:
   /// One packet of the client.
   struct Packet {
     std::uint32_t type = 0;
     slambed_pose pose{};    ///< of SLAMBED_POSE and SLAMBED_FINAL
-    std::string_view text;  ///< of SLAMBED_EVENT; until the next packet
+    std::string_view text;  ///< of SLAMBED_EVENT; valid until the next packet
   };
 
   Conversation();
 
   int client_fd() const { return theirs_.get(); }
-  /// Once the client has it: the end of the client is the end of the conversation.
+  /// Closes the client's end once the client has inherited it, so that next() sees the client end.
   void forget_client() { theirs_.reset(); }
 
-  /// Waits for a packet; nothing at the end. bad_input for what is no packet of the protocol.
+  /// Waits for a packet. Returns nothing when the client is gone. Throws bad_input for a packet
+  /// that does not follow the protocol.
   std::optional<Packet> next();
   void send_info(const slambed_info& info) { send(&info, sizeof info); }
   void send_frame(const slambed_frame& frame) { send(&frame, sizeof frame); }
   void send_end();
-  /// Wakes who waits in next(): from another thread.
+  /// Wakes a thread that waits in next(). Callable from any thread.
   void hang_up();
 
  private:
@@ -44,7 +45,7 @@ class Conversation {
   std::array<char, sizeof(std::uint32_t) + SLAMBED_EVENT_BYTES> buffer_{};
 };
 
-/// What a client is told of the sequence.
+/// Returns the description of the sequence for the client.
 slambed_info describe(const PreparedSequence& sequence, double played_fps, std::size_t slot_bytes);
 
 }  // namespace slambed

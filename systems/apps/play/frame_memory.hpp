@@ -8,19 +8,19 @@
 
 namespace slambed {
 
-/// The pictures that a system gets to see: a ring of frames in memory that it maps read-only. It
-/// holds no frame that was not offered yet, so that nobody looks ahead.
+/// A ring of frames in shared memory, which the system maps read-only. It has only frames that were
+/// already offered, so that the system cannot look ahead.
 class FrameMemory {
  public:
   static constexpr std::uint32_t kSlots = 4;
 
-  /// environment_error where the kernel gives no memory.
+  /// Throws environment_error if there is no memory.
   explicit FrameMemory(std::size_t slot_bytes);
   ~FrameMemory();
   FrameMemory(const FrameMemory&) = delete;
   FrameMemory& operator=(const FrameMemory&) = delete;
 
-  /// Copies a frame behind the last one; returns its slot.
+  /// Copies a frame into the next slot and returns that slot.
   std::uint32_t put(const PreparedSequence::Frame& frame);
   std::size_t slot_bytes() const { return slot_bytes_; }
   int fd() const { return fd_.get(); }
@@ -32,7 +32,7 @@ class FrameMemory {
   std::uint32_t next_ = 0;
 };
 
-/// Bytes of a frame as the client finds them: the gray picture, then depth or the right picture.
+/// Returns the size of a frame in a slot: the gray picture, then depth or the right picture.
 std::size_t frame_bytes(const PreparedSequence& sequence);
 
 }  // namespace slambed

@@ -11,9 +11,9 @@ namespace slambed {
 namespace {
 
 constexpr const char* kStates[] = {"ok", "lost", "not_initialized"};
-/// A unit quaternion in single precision is this near to length 1.
+/// Tolerance for the length of a unit quaternion in single precision.
 constexpr double kUnitTolerance = 1e-3;
-/// Further from its world's origin nothing drives; and such a number can be turned without
+/// Limit of the coordinates of a pose: farther than any camera goes, and inverting the pose cannot
 /// overflow.
 constexpr double kFarthest_m = 1e9;
 

@@ -13,27 +13,26 @@
 
 namespace slambed {
 
-/// An event of the system's own, as it sent it: a JSON object with a type, whose values are taken
-/// one by one. bad_input for anything else.
+/// Parses an event that the system sent: a JSON object with a type. Throws bad_input for anything
+/// else.
 JsonLine system_event(std::string_view text);
 
-/// What a system said of its frames becomes the events and trajectories that every system leaves.
-/// A frame that was taken and of which nothing was said until a later one was is one without a
-/// pose.
+/// Turns a system's poses into the events and trajectories that every system leaves. If the system
+/// sends no pose for a frame before it answers a later one, that frame has no pose.
 class FrameRecord {
  public:
   explicit FrameRecord(EventLog& log) : log_(log) {}
 
   void dequeued(const OfferedFrame& frame, std::int64_t recorded_ns);
-  /// bad_input for a frame that is not waiting for its pose, or numbers that are none.
+  /// Records a pose. Throws bad_input if the frame does not wait for one, or the pose is invalid.
   void tracked(const slambed_pose& pose, RunTime now);
-  /// bad_input for a frame that was never tracked, or numbers that are none.
+  /// Records a final pose. Throws bad_input if the frame was never tracked, or the pose is invalid.
   void placed(const slambed_pose& pose);
-  /// Playback is over: what still waits for a pose has none.
+  /// Ends playback: frames that still wait for a pose have none.
   void over(RunTime now);
   bool lost() const { return losses_ > 0; }
 
-  /// trajectory_live.txt and trajectory.txt; without final poses both are the live ones.
+  /// Writes trajectory_live.txt and trajectory.txt. Without final poses both have the live poses.
   void write_trajectories(const std::filesystem::path& folder) const;
 
  private:

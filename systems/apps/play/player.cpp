@@ -23,7 +23,7 @@ namespace {
 namespace fs = std::filesystem;
 
 constexpr Duration kLookForEnd = std::chrono::milliseconds(100);
-/// A system may tidy up after its last message, an edge after it heard of the end.
+/// How long a system may clean up after its last message, and an edge after the end of the run.
 constexpr Duration kPatience = std::chrono::seconds(10), kEdgePatience = std::chrono::seconds(5);
 constexpr int kSystemFailed = 1;
 
@@ -49,7 +49,8 @@ class Player {
   }
 
   int run() {
-    // A system without a client has no way to wait for the start; its edge must be there by then.
+    // A mobile program without a client cannot wait for the start, so it is launched only then. Its
+    // edge program must run by that time.
     const bool starts_at_once = options_.client || !mobile();
     if (starts_at_once) start_command();
     signals_.watch([this] {
@@ -120,7 +121,7 @@ class Player {
     return variables;
   }
 
-  /// False when the system ended, or the run was stopped, before.
+  /// Returns false if the system ended or the run was stopped before it was ready.
   bool await_ready() {
     while (const auto packet = conversation_.next()) {
       if (packet->type == SLAMBED_READY) return true;
@@ -207,7 +208,7 @@ class Player {
     runtime_.stop();
   }
 
-  /// An edge is not told by its system that the run is over: the mobile node's last file tells.
+  /// An edge's system does not know when the run is over. The mobile node's last file shows it.
   void await_mobile(Worker& worker) {
     const fs::path end = config_.output / role_name(NodeRole::kMobile) / "node.json";
     while (!worker.stopping() && !fs::exists(end)) {
@@ -231,7 +232,7 @@ class Player {
   int finish() {
     const std::string reason = stopped_ ? "" : "completed";
     if (stopped_ || (!mobile() && played_)) {
-      // What an edge says while it is ended is nobody's business.
+      // The exit code of an edge that is being stopped does not matter.
       if (!command_->wait(Duration::zero())) command_->end();
       return leave(reason);
     }
@@ -241,7 +242,7 @@ class Player {
     return leave(reason);
   }
 
-  /// The system broke off: its log's last line says why, where it said so.
+  /// Ends a run whose system failed or ended early. The system's own log may have the reason.
   int failed(std::optional<int> code, const std::string& when) {
     if (!code) command_->end();
     write_results();
@@ -282,7 +283,7 @@ class Player {
     fs::copy_file(left, folder_ / "trajectory.txt", fs::copy_options::overwrite_existing);
   }
 
-  StopSignals signals_;  ///< first: every later thread inherits the blocked signals
+  StopSignals signals_;  ///< must be first, so that all threads inherit the blocked signals
   const PlayerOptions& options_;
   RunConfig config_;
   bool restarted_;

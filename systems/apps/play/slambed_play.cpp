@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// slambed-play: a node whose system is somebody else's program. See docs/systems.md.
+// slambed-play: a node whose system is an external program (docs/reference/system.md).
 #include <chrono>
 #include <filesystem>
 #include <thread>

@@ -7,7 +7,7 @@
 
 namespace slambed {
 
-/// Every system that the programs offer.
+/// Returns every system that the programs offer.
 std::vector<System> all_systems();
 
 }  // namespace slambed

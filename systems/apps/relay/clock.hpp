@@ -9,7 +9,7 @@ namespace slambed::relay {
 
 inline constexpr std::int64_t kNsPerSecond = 1'000'000'000;
 
-/// CLOCK_MONOTONIC, the clock of run time.
+/// Returns CLOCK_MONOTONIC, the clock of run time.
 inline std::int64_t monotonic_ns() {
   timespec now{};
   clock_gettime(CLOCK_MONOTONIC, &now);

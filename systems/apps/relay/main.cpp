@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-/// slambed-relay: the emulated network between two namespaces (docs/link.md).
+/// slambed-relay: the emulated network between two namespaces (docs/explanation/link.md).
 #include <signal.h>
 
 #include <CLI/CLI.hpp>

@@ -9,7 +9,8 @@
 namespace slambed::relay {
 namespace {
 
-constexpr std::size_t kRecordsAtOnce = 256;  // at 20 pings a second both ways: one write in 3 s
+constexpr std::size_t kRecordsAtOnce =
+    256;  // 20 pings per second, request and reply both ways: 3 s
 
 }  // namespace
 
@@ -50,7 +51,7 @@ void PacketLog::append(const PacketRecord& record) {
   if (!file_) return;
   filling_.push_back(record);
   if (filling_.size() < kRecordsAtOnce) return;
-  // The writer holds the lock only to swap two vectors; when it does just now, the next packet
+  // The writer holds the lock only to swap two vectors. If it does so right now, the next packet
   // tries again.
   const std::unique_lock lock(mutex_, std::try_to_lock);
   if (!lock) return;
@@ -68,7 +69,7 @@ void PacketLog::write_until_closed() {
       writing.swap(handed_over_);
       open = !closed_;
     }
-    if (writing.empty()) continue;  // closed; an empty vector has no data to point at
+    if (writing.empty()) continue;  // closed without records: nothing to pass to fwrite
     if (error_ == 0 && !write(writing)) error_ = errno;
     writing.clear();
   }

@@ -13,13 +13,13 @@
 namespace slambed::relay {
 
 /// One packet in the log, little-endian, 48 bytes; times on CLOCK_MONOTONIC.
-/// `harness/slambed/link/packets.py` reads it: keep both in step.
+/// `harness/slambed/link/packets.py` reads it and must be changed together with this.
 struct PacketRecord {
   std::int64_t in_ns;         ///< read from the sender's device
-  std::int64_t due_ns;        ///< when the model wanted it out; 0 when dropped
-  std::int64_t out_ns;        ///< written to the receiver's device; 0 when dropped
+  std::int64_t due_ns;        ///< delivery time by the link model; 0 if dropped
+  std::int64_t out_ns;        ///< written to the receiver's device; 0 if dropped
   std::int64_t profile_ns;    ///< the profile's part of the delay
-  std::uint32_t queue_bytes;  ///< waiting for the rate when it came
+  std::uint32_t queue_bytes;  ///< bytes in the rate limiter's queue when it arrived
   std::uint32_t bytes;
   std::uint16_t tag;       ///< ICMP echo sequence number, else 0
   std::uint8_t direction;  ///< 0 up, 1 down
@@ -29,10 +29,11 @@ struct PacketRecord {
 };
 static_assert(sizeof(PacketRecord) == 48);
 
-/// Packet records to a file. `append` never waits for the disk: a second thread writes.
+/// Writes packet records to a file. append() never waits for the disk, because another thread
+/// writes.
 class PacketLog {
  public:
-  /// An empty path logs nothing. Throws environment_error.
+  /// With an empty path nothing is logged. Throws environment_error if the file cannot be opened.
   explicit PacketLog(const std::string& path);
   ~PacketLog();
   PacketLog(const PacketLog&) = delete;
@@ -40,8 +41,8 @@ class PacketLog {
 
   void append(const PacketRecord& record);
 
-  /// Everything to the file; after it, nothing is logged any more. Throws environment_error when a
-  /// record could not be written. Calling it twice is harmless.
+  /// Writes all records and closes the file; later records are dropped. Throws environment_error if
+  /// a record could not be written. A second call does nothing harmful.
   void close();
 
  private:
@@ -55,12 +56,12 @@ class PacketLog {
 
   std::string path_;
   std::unique_ptr<std::FILE, CloseFile> file_;
-  std::vector<PacketRecord> filling_;  ///< only the relay's thread touches it
+  std::vector<PacketRecord> filling_;  ///< used by the relay's thread only
   std::mutex mutex_;
   std::condition_variable wake_;
   std::vector<PacketRecord> handed_over_;
   bool closed_ = false;
-  int error_ = 0;  ///< errno of the first write that failed; the writer's until it has ended
+  int error_ = 0;  ///< errno of the first failed write; used by the writer thread until it ends
   std::thread writer_;
 };
 

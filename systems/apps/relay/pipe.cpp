@@ -19,12 +19,12 @@ constexpr std::int64_t kHeldBytesLimit = 256LL
                                          << 20;  // 1 Gbit/s for 2 s; beyond, memory is at risk
 constexpr std::size_t kSpareBuffers = 4096;
 
-// IPv4 (RFC 791) and ICMP (RFC 792) header places.
+// IPv4 (RFC 791) and ICMP (RFC 792) headers.
 constexpr std::size_t kShortestIpv4 = 20;
 constexpr std::uint8_t kProtocolIcmp = 1;
 constexpr std::uint8_t kEchoReply = 0, kEchoRequest = 8;
 
-/// Big-endian sequence number of an ICMP echo, 0 for anything else.
+/// Returns the (big-endian) sequence number of an ICMP echo, or 0 for any other packet.
 std::uint16_t echo_sequence(std::span<const std::uint8_t> packet) {
   const std::size_t header = 4U * (packet[0] & 0x0fU);
   if (packet[9] != kProtocolIcmp || packet.size() < header + 8) return 0;
@@ -57,7 +57,7 @@ int Pipe::take(int budget, std::span<std::uint8_t> buffer) {
 }
 
 void Pipe::accept(std::span<const std::uint8_t> packet) {
-  if (packet.size() < kShortestIpv4 || packet[0] >> 4 != 4) return;  // not IPv4: not ours to carry
+  if (packet.size() < kShortestIpv4 || packet[0] >> 4 != 4) return;  // the link carries only IPv4
   const std::int64_t now_ns = monotonic_ns();
   const auto size = static_cast<std::uint32_t>(packet.size());
   const std::uint16_t tag = echo_sequence(packet);

@@ -20,18 +20,18 @@ using link::DirectionOptions;
 using link::Fate;
 using link::PacketOutcome;
 
-/// What one direction did, for the summary.
+/// Counters of one direction for the summary.
 struct PipeCounters {
   std::int64_t packets = 0;
   std::int64_t bytes = 0;
   std::int64_t fates[5] = {};     ///< by Fate
-  std::int64_t write_errors = 0;  ///< the receiver's device refused a packet
-  std::int64_t late_ns_max = 0;   ///< worst time beyond due
+  std::int64_t write_errors = 0;  ///< packets that the receiver's device refused
+  std::int64_t late_ns_max = 0;   ///< largest delay after the due time
   std::int64_t held_bytes_max = 0;
 };
 
-/// Moves packets of one direction from one device to the other, each at its due time, in order.
-/// ICMP echoes are the probe's: they have a lane of their own and delay no other packet.
+/// Moves packets of one direction from one device to the other, in order, each at its due time.
+/// ICMP echoes belong to the probe, so they have their own lane and delay no other packets.
 class Pipe {
  public:
   static constexpr std::int64_t kNothingDue = std::numeric_limits<std::int64_t>::max();
@@ -41,11 +41,11 @@ class Pipe {
 
   DirectionModel& model() { return model_; }
 
-  /// Reads up to `budget` packets. Returns how many there were.
-  /// Throws Error with code kPeer when the device is gone.
+  /// Reads up to `budget` packets and returns how many there were.
+  /// Throws Error with code kPeer if the device is gone.
   int take(int budget, std::span<std::uint8_t> buffer);
 
-  /// Hands over everything that is due.
+  /// Delivers all packets that are due.
   void deliver_due();
 
   std::int64_t next_due_ns() const {
@@ -73,8 +73,8 @@ class Pipe {
   int from_;
   int to_;
   PacketLog& log_;
-  std::array<std::deque<Held>, 2> held_;          ///< by link::Lane, each in order of its due times
-  std::vector<std::vector<std::uint8_t>> spare_;  ///< buffers to use again
+  std::array<std::deque<Held>, 2> held_;          ///< by link::Lane, each ordered by due time
+  std::vector<std::vector<std::uint8_t>> spare_;  ///< buffers to reuse
   std::int64_t held_bytes_ = 0;
   PipeCounters counters_;
 };

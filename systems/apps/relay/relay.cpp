@@ -28,10 +28,10 @@ namespace slambed::relay {
 namespace {
 
 constexpr std::size_t kLargestPacket = 65536;
-constexpr int kBatch = 32;  // packets read from one side before the other gets its turn
-constexpr std::int64_t kLongestUnservedNs = 2'000'000;  // signals and commands during a flood
+constexpr int kBatch = 32;  // packets read from one side before the other side is read
+constexpr std::int64_t kLongestUnservedNs = 2'000'000;  // for signals and commands under full load
 constexpr std::int64_t kTimerExpired = Pipe::kNothingDue - 1;
-constexpr int kStartFilePollMs = 20;  // t0 lies further ahead than this
+constexpr int kStartFilePollMs = 20;  // the harness sets t0 further ahead than this
 
 int stop_signals() {
   sigset_t set;
@@ -41,9 +41,9 @@ int stop_signals() {
   return signalfd(-1, &set, SFD_NONBLOCK | SFD_CLOEXEC);
 }
 
-/// A descriptor of the harness, so that nothing of the link outlives it. Not PR_SET_PDEATHSIG
-/// alone: that fires when the harness's *thread* that started us ends, so it is only the last
-/// resort on kernels without pidfd.
+/// Returns a pidfd of the harness, so that the link does not outlive it. PR_SET_PDEATHSIG fires
+/// when the harness's *thread* that started the relay ends, so it is only the fallback without
+/// pidfd.
 int watch_parent(pid_t parent) {
   if (parent == 0) parent = getppid();
   const auto fd = static_cast<int>(syscall(SYS_pidfd_open, parent, 0));
@@ -88,7 +88,7 @@ Relay::Relay(const RelayOptions& options)
     epoll_event event{};
     event.events = EPOLLIN;
     event.data.fd = fd;
-    // Standard input may be a file or /dev/null, which epoll refuses: then nobody gives commands.
+    // Standard input may be a file or /dev/null, which epoll refuses; then there are no commands.
     if (epoll_ctl(epoll_.get(), EPOLL_CTL_ADD, fd, &event) != 0 && fd != STDIN_FILENO) {
       throw environment_error(std::string("cannot watch the devices: ") + std::strerror(errno) +
                               ", epoll, check the limit on open files");
@@ -151,7 +151,7 @@ void Relay::serve_events(int timeout_ms) {
     const int fd = events[static_cast<std::size_t>(i)].data.fd;
     if (fd == STDIN_FILENO) read_commands();
     if (fd == signals_.get() || fd == parent_.get()) stopped_ = true;
-    // Expired: arming it anew, even at the same time, is what clears it.
+    // An expired timer is cleared only when it is armed again, even for the same time.
     if (fd == timer_.get()) armed_ns_ = kTimerExpired;
   }
   if (!started_ && !options_.start_file.empty()) poll_start_file();

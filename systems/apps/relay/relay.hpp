@@ -10,19 +10,18 @@ namespace slambed::relay {
 
 /// The whole link: two devices, two pipes and one loop that serves them until a signal ends it.
 ///
-/// Commands on standard input, one a line: `apply` (the profile's value at time 0 holds from now
-/// on; before, the link adds no delay) and `start N` (run time 0 is N on CLOCK_MONOTONIC, in
-/// nanoseconds).
+/// Standard input takes one command per line. `apply`: from now on the profile's value at time 0
+/// applies; before, the link adds no delay. `start N`: run time 0 is at N ns on CLOCK_MONOTONIC.
 class Relay {
  public:
   explicit Relay(const RelayOptions& options);
 
   /// Prints the ready line, then runs until SIGTERM or SIGINT (blocked by the caller).
-  /// Throws Error with code kPeer when a device disappears.
+  /// Throws Error with code kPeer if a device disappears.
   void run();
 
   /// Closes the packet log and writes the counters as JSON to options.summary. Throws
-  /// environment_error when one of them cannot be written.
+  /// environment_error if one of them cannot be written.
   void finish();
 
  private:
@@ -44,8 +43,8 @@ class Relay {
   FileDescriptor epoll_;
   FileDescriptor timer_;
   FileDescriptor signals_;
-  FileDescriptor parent_;  ///< readable once the harness has ended, after kill -9 too
-  std::string command_;    ///< what came of the next line so far
+  FileDescriptor parent_;  ///< readable once the harness has ended, even by SIGKILL
+  std::string command_;    ///< received part of the next command line
   bool real_time_ = false;
   bool started_ = false;
   bool stopped_ = false;

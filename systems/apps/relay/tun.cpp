@@ -27,7 +27,7 @@ namespace {
   throw environment_error(what + ": " + std::strerror(errno) + ", " + where + ", " + advice);
 }
 
-/// The calling thread is inside another network namespace for the life of this object.
+/// Moves the calling thread into another network namespace for the lifetime of this object.
 class NamespaceVisit {
  public:
   explicit NamespaceVisit(int target)
@@ -76,7 +76,7 @@ void set(int socket_fd, unsigned long code, ifreq request, const char* what,
   }
 }
 
-/// Without this the kernel sends router solicitations that would count as packets of the link.
+/// Prevents router solicitations of the kernel, which would count as packets of the link.
 void disable_ipv6(const std::string& name) {
   std::ofstream("/proc/sys/net/ipv6/conf/" + name + "/disable_ipv6") << "1";
 }
@@ -109,7 +109,7 @@ void configure(const EndOptions& end, const RelayOptions& options) {
 TunDevice::TunDevice(const EndOptions& end, const RelayOptions& options)
     : name_(end.device), namespace_(open_namespace(end)) {
   const NamespaceVisit visit(namespace_.get());
-  // After setns: a TUN file belongs to the namespace it was opened in.
+  // Opened after setns, because a TUN file belongs to the namespace in which it was opened.
   tun_ = FileDescriptor(open("/dev/net/tun", O_RDWR | O_NONBLOCK | O_CLOEXEC));
   if (tun_.get() < 0) {
     refuse("cannot open /dev/net/tun", end.network_namespace,

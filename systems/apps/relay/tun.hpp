@@ -9,17 +9,17 @@
 
 namespace slambed::relay {
 
-/// What the kernel threw away between a socket and us, counted by the device.
+/// Packets that the kernel dropped between a socket and the relay, counted by the device.
 struct DeviceDrops {
   std::int64_t rx = 0;
   std::int64_t tx = 0;
 };
 
-/// One end of the link: a TUN device inside a network namespace, up and addressed. The device lives
-/// as long as this object.
+/// One end of the link: a TUN device inside a network namespace, up and with an address. The device
+/// exists as long as this object.
 class TunDevice {
  public:
-  /// Enters the namespace only while it opens the device. Throws environment_error.
+  /// Enters the namespace only to open the device. Throws environment_error.
   TunDevice(const EndOptions& end, const RelayOptions& options);
 
   int fd() const { return tun_.get(); }

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// slambed-sim: a whole run in virtual time. See docs/formats.md for its files and exit codes.
+// slambed-sim: a whole run in virtual time. docs/reference/run-folder.md describes its files and
+// exit codes.
 #include <CLI/CLI.hpp>
 #include <iostream>
 

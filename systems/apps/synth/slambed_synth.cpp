@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// slambed-synth: writes a generated sequence in the prepared form (docs/formats.md).
+// slambed-synth: writes a generated sequence in the prepared format (docs/reference/sequence.md).
 
 #include <CLI/CLI.hpp>
 #include <csignal>

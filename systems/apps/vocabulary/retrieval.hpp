@@ -16,9 +16,9 @@ struct TimedPose {
   SE3 T_wc;
 };
 
-/// Reads a TUM trajectory (camera to world). Throws Error(kBadInput) naming the line.
+/// Reads a TUM trajectory (camera to world). Throws Error(kBadInput) that names the line.
 std::vector<TimedPose> read_camera_poses(const std::filesystem::path& file);
-/// The pose nearest in time, at most 20 ms away.
+/// Returns the pose nearest in time, or nothing if it is more than 20 ms away.
 std::optional<SE3> pose_at(std::span<const TimedPose> poses, double time_s);
 
 struct RetrievalImage {
@@ -27,13 +27,13 @@ struct RetrievalImage {
   BagOfWords bag;
 };
 
-/// How well bags of words find places again. Two images show the same place when their cameras are
-/// within 0.5 m and 30 degrees; images less than 5 s apart are not compared.
+/// Place recognition by bags of words. Two images show the same place if their cameras are within
+/// 0.5 m and 30 degrees. Images less than 5 s apart are not compared.
 struct RetrievalScore {
-  int queries = 0;        ///< images whose place is shown by an image of another time
-  double first = 0;       ///< share of them whose most similar image shows it
-  double first_five = 0;  ///< ... one of the five most similar
-  double chance = 0;      ///< share expected of a random choice
+  int queries = 0;        ///< images whose place another image shows too
+  double first = 0;       ///< share of queries whose most similar image shows the same place
+  double first_five = 0;  ///< share of queries where one of the five most similar images does
+  double chance = 0;      ///< expected share for a random choice
 };
 RetrievalScore measure_retrieval(std::span<const RetrievalImage> images);
 

@@ -89,7 +89,7 @@ json params(const std::string& strategy) {
           {"second_hypotheses", false}};
 }
 
-/// Half a frame beside the first trip, seen less well.
+/// Half a frame away from the first trip's poses, with noisier features.
 SE3 trip_pose(int frame) { return pose_at(kTripStart + frame + 0.5); }
 std::shared_ptr<const FeatureSet> trip(SyntheticScene& scene, int frame) {
   return scene.look(trip_pose(frame), {.pixel_noise = 0.4, .depth_noise = 0.01});
@@ -158,7 +158,7 @@ TEST(CloudSlam, ATripIsPlacedInTheMapOfTheFirstAndCorrectedOnTheWay) {
     EXPECT_LT(applied[i]["magnitude_m"].get<double>(), 0.1);
   EXPECT_TRUE(result.of("pose_update_declined").empty());
   EXPECT_LT(worst_error_m(result), 0.05);
-  // Not by standing on somebody else's map: nothing of the first trip is here.
+  // The vehicle's map has nothing of the first trip.
   for (const NewKeyFrame& keyframe : result.mobile_map.keyframes)
     EXPECT_EQ(keyframe.id.value >> 56, 1u);
 }
@@ -254,7 +254,7 @@ TEST(CloudSlam, ATripThatIsNowhereIsNeverPlaced) {
   ASSERT_EQ(result.of("align_failed").size(), 1u);
   EXPECT_GE(result.of("pose_update_empty").size(), 2u) << "no match is answered too";
   EXPECT_EQ(messages(result, "KEYFRAME"), 0u);
-  // At most two a second, and none after the time is up.
+  // At most two a second, and none after the timeout.
   EXPECT_LE(result.of("keyframe_sent").size(), 7u);
 }
 
@@ -302,7 +302,7 @@ TEST(CloudSlam, AfterTheTripItsKeyframesJoinTheEarlierOnes) {
     }
     return 0;
   });
-  // What it already has it does not take again, and the result is an earlier trip to the next one.
+  // Keyframes of the archive are not added again; the next trip can use the result.
   EXPECT_EQ(join_trip(*all, places, trip).keyframes, 0u);
   EXPECT_EQ(count(*archive(*all)).keyframes, before + made);
 }

@@ -56,7 +56,7 @@ TEST(Strategy, ADistanceIsOfThePathAndNotOfTime) {
   const StrategyOptions options = by_distance(StrategyKind::kDistance, 5);
   EXPECT_EQ(sent_at(options, driven({0, 1, 2, 3, 4, 5, 6}, 2.5)),
             (std::vector<double>{0, 2, 4, 6}));
-  // Standing still nothing is sent, however long; a period goes on.
+  // While the vehicle stands still, a distance strategy sends nothing; a periodic one continues.
   const std::vector<Moment> standing{{0, 7}, {10, 7}, {1000, 7}};
   EXPECT_EQ(sent_at(options, standing), (std::vector<double>{0}));
   EXPECT_EQ(sent_at(options_of(StrategyKind::kPeriodic), standing).size(), 3u);
@@ -72,7 +72,7 @@ TEST(Strategy, LargeCorrectionsShortenTheDistanceAndSmallOnesLengthenIt) {
   }
   const std::vector<double> expected{36, 32.4, 32.724, 33.05124};
   for (std::size_t i = 0; i < expected.size(); ++i) EXPECT_NEAR(distances[i], expected[i], 1e-9);
-  // The others keep theirs.
+  // The other strategies keep their distance.
   const Strategy fixed(by_distance(StrategyKind::kDistance, 40));
   EXPECT_EQ(fixed.answered(fixed.begin(), 3).distance_m, 40);
 }

@@ -6,16 +6,17 @@
 
 namespace slambed {
 
-/// Exit codes of every slambed program (docs/formats.md, "Exit codes").
+/// Exit codes of every slambed program (docs/reference/exit-codes.md).
 enum class ExitCode : int {
   kOk = 0,
-  kBadInput = 2,     ///< a file, option or value is wrong; the user can mend it
-  kEnvironment = 3,  ///< a privilege, port, device or file system refused
-  kPeer = 4,         ///< the other node never came or went away before the start
-  kInternal = 70,    ///< a bug of ours
+  kBadInput = 2,     ///< a file, option or value is wrong; the user can fix it
+  kEnvironment = 3,  ///< a privilege, port, device or file system is not available
+  kPeer = 4,         ///< the other node never connected or left before the start
+  kInternal = 70,    ///< a bug in slambed
 };
 
-/// The one exception type that programs report: one line saying what, where and what to do.
+/// The only exception type that programs report. Its message is one line that says what went
+/// wrong, where, and what to do.
 class Error : public std::runtime_error {
  public:
   Error(ExitCode code, const std::string& line) : std::runtime_error(line), code_(code) {}

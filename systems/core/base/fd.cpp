@@ -10,7 +10,7 @@ namespace slambed {
 
 void FileDescriptor::reset() {
   if (fd_ < 0) return;
-  const int saved = errno;  // of what failed before, and is told behind this
+  const int saved = errno;  // close() must not hide the errno of an earlier failure
   ::close(fd_);
   errno = saved;
   fd_ = -1;

@@ -29,7 +29,7 @@ class FileDescriptor {
   int fd_ = -1;
 };
 
-/// What an errno says, from any thread.
+/// Returns the message of an errno value. Thread-safe, unlike strerror.
 std::string error_text(int error_number);
 
 }  // namespace slambed

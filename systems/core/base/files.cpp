@@ -22,7 +22,7 @@ bool write_all(const std::filesystem::path& path,
   File file(std::fopen(path.c_str(), "wb"), &std::fclose);
   if (!file) return false;
   for (const auto part : parts) {
-    if (part.empty()) continue;  // may be a null pointer, which fwrite must not get
+    if (part.empty()) continue;  // data() may be null, which fwrite does not accept
     if (std::fwrite(part.data(), 1, part.size(), file.get()) != part.size()) return false;
   }
   return std::fclose(file.release()) == 0;
@@ -38,7 +38,7 @@ Error cannot_write(const std::filesystem::path& path) {
 
 void write_whole(const std::filesystem::path& path,
                  std::initializer_list<std::span<const std::uint8_t>> parts) {
-  // The process's own: two that write the same file do each other no harm.
+  // The process id keeps two processes that write the same file apart.
   const std::filesystem::path part = path.string() + "." + std::to_string(::getpid()) + ".part";
   errno = 0;
   if (write_all(part, parts) && ::rename(part.c_str(), path.c_str()) == 0) return;

@@ -14,21 +14,21 @@
 
 namespace slambed {
 
-/// To throw where a file cannot be written: names it, and says what errno does.
+/// Returns the error to throw when a file cannot be written: its path and the text of errno.
 Error cannot_write(const std::filesystem::path& path);
 
-/// Writes a file whole or not at all: its parts one after the other, into another one beside it
-/// that then takes the name. Throws cannot_write.
+/// Writes a file atomically: concatenates the parts into a temporary file in the same folder and
+/// renames it. Throws cannot_write.
 void write_whole(const std::filesystem::path& path,
                  std::initializer_list<std::span<const std::uint8_t>> parts);
 void write_whole(const std::filesystem::path& path, const std::string& text);
 
-/// All bytes of a file. what: for the complaint ("map"). Throws Error(kBadInput) where there is
-/// none, or more than so many bytes.
+/// Returns all bytes of a file. Throws Error(kBadInput) when it cannot be read or is larger than
+/// `most` bytes; `what` names the kind of file in the message ("map").
 std::vector<std::uint8_t> read_whole(const std::filesystem::path& path, const std::string& what,
                                      std::uintmax_t most);
 
-/// A text file that is written line by line. All but the destructor throw cannot_write.
+/// A text file that is written line by line. Everything but the destructor throws cannot_write.
 class TextFile {
  public:
   explicit TextFile(std::filesystem::path path);
@@ -36,7 +36,7 @@ class TextFile {
   void print(const char* format, Values... values) {
     check(std::fprintf(file_.get(), format, values...) >= 0);
   }
-  /// What was printed is with the kernel then.
+  /// Hands everything printed so far to the kernel.
   void flush() { check(std::fflush(file_.get()) == 0); }
   void close() { check(std::fclose(file_.release()) == 0); }
 
@@ -48,11 +48,11 @@ class TextFile {
   std::unique_ptr<std::FILE, int (*)(std::FILE*)> file_;
 };
 
-/// A file in memory, as long as this lives.
+/// A read-only memory mapping of a file.
 class MappedFile {
  public:
   MappedFile() = default;
-  /// Nothing where it cannot be had, and errno says why; an empty file has no bytes.
+  /// Returns a false object and sets errno when the file cannot be mapped. An empty file is valid.
   static MappedFile open(const std::filesystem::path& path);
   MappedFile(MappedFile&& other) noexcept;
   MappedFile& operator=(MappedFile&& other) noexcept;
@@ -60,7 +60,7 @@ class MappedFile {
 
   explicit operator bool() const { return there_; }
   std::span<const std::uint8_t> bytes() const { return bytes_; }
-  /// For who reads it from its beginning to its end.
+  /// Tells the kernel that the file will be read from start to end.
   void read_ahead() const;
 
  private:

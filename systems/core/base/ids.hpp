@@ -9,8 +9,8 @@ namespace slambed {
 
 enum class NodeRole : std::uint8_t { kMobile = 1, kEdge = 2 };
 
-/// Which module made an element; the top byte of every id, so that no two modules that feed one
-/// map, on whichever node, ever give out the same id.
+/// The module that created an element. It is the top byte of every id, so that modules on
+/// different nodes that feed one map never assign the same id.
 enum class IdSpace : std::uint8_t { kTracker = 1, kEdgeMapper = 2, kMobileMapper = 3 };
 inline constexpr int kIdSpaces = 3;
 
@@ -34,13 +34,13 @@ constexpr IdSpace space_of(Id<Tag> id) {
   return static_cast<IdSpace>(id.value >> kIdSpaceShift);
 }
 
-/// Hands out ids 1, 2, 3 ... below the space's byte. Owned by one module, not thread-safe.
+/// Assigns ids that count 1, 2, 3 ... below the space byte. Not thread-safe.
 template <typename IdType>
 class IdSource {
  public:
   explicit IdSource(IdSpace space) : next_((static_cast<std::uint64_t>(space) << 56) | 1) {}
   IdType next() { return IdType{next_++}; }
-  /// Goes on behind an id of this space that is in use already (a map from a file).
+  /// Continues after an id of this space that is already in use, such as one from a loaded map.
   void skip(IdType used) {
     if (used.value >> 56 == next_ >> 56 && used.value >= next_) next_ = used.value + 1;
   }

@@ -10,14 +10,14 @@
 
 namespace slambed {
 
-/// Reads a JSON file; bad_input naming file and place when it is none.
+/// Reads a JSON file. Throws bad_input, with file name and byte offset, when it is not valid JSON.
 nlohmann::json read_json(const std::filesystem::path& path);
 
-/// Strict access to one JSON object: a key of the wrong type, a missing one and, at done(), one
-/// that nobody asked for are bad_input with the key's full name.
+/// Reads one JSON object strictly. Throws bad_input with the full key name for a wrong type, a
+/// missing key and, in done(), a key that was never read.
 class JsonReader {
  public:
-  /// where: "run.json: " or "run.json: playback."; put before every key in messages.
+  /// where: prefix of every key in messages, such as "run.json: " or "run.json: playback.".
   JsonReader(const nlohmann::json& object, std::string where);
 
   std::string text(const std::string& key);
@@ -26,7 +26,7 @@ class JsonReader {
   std::optional<double> number_or_null(const std::string& key);
   const nlohmann::json& any(const std::string& key);
   bool has(const std::string& key) const { return object_.contains(key); }
-  /// Reads a nested object; null when the value is null.
+  /// Returns a nested object, or a null pointer when the value is null.
   const nlohmann::json* object_or_null(const std::string& key);
   void done() const;
   const std::string& where() const { return where_; }

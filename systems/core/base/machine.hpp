@@ -5,9 +5,9 @@
 
 namespace slambed {
 
-/// What results of a virtual run hang on besides inputs and sources, as one line of JSON
-/// (docs/virtual.md, "Same bytes"): what this program was compiled for, by what, and with which
-/// versions of others' code. It is in the run key.
+/// Returns, as one line of JSON, what the results of a virtual run depend on besides inputs and
+/// sources: architecture, compiler and library versions (docs/explanation/virtual-time.md, "Same
+/// bytes"). It is part of the run key.
 inline std::string machine_json(const std::string& libraries) {
 #if defined(__x86_64__)
   const std::string architecture = "x86_64", floating_point = "sse2";
@@ -17,11 +17,11 @@ inline std::string machine_json(const std::string& libraries) {
   const std::string architecture = "other", floating_point = "unknown";
 #endif
 #if defined(__clang__)
-  const std::string compiler = __VERSION__;  // names itself
+  const std::string compiler = __VERSION__;  // starts with the compiler's name
 #else
   const std::string compiler = std::string("gcc ") + __VERSION__;
 #endif
-#if defined(_GLIBCXX_RELEASE)  // clang has it too
+#if defined(_GLIBCXX_RELEASE)  // also defined by clang with libstdc++
   const std::string standard_library = "libstdcxx " + std::to_string(_GLIBCXX_RELEASE);
 #elif defined(_LIBCPP_VERSION)
   const std::string standard_library = "libcxx " + std::to_string(_LIBCPP_VERSION);

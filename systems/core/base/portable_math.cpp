@@ -16,12 +16,12 @@ namespace {
 constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
 
-// ln 2 and pi/2 in pieces short enough that a small integer times one is exact; the last piece is
-// what is left, rounded.
+// ln 2 and pi/2 split into pieces so short that their products with small integers are exact. The
+// last piece is the rounded rest.
 constexpr double kLn2High = 0x1.62e42fee00000p-1, kLn2Low = 0x1.a39ef35793c76p-33;
 constexpr double kHalfPi[] = {0x1.921fb54400000p+0, 0x1.0b4611a600000p-34, 0x1.3198a2e000000p-69,
                               0x1.b839a252049c1p-104};
-// The same numbers as a rounded value and the rest.
+// pi/2 as a rounded value and the rest.
 constexpr double kHalfPiHigh = 0x1.921fb54442d18p+0, kHalfPiLow = 0x1.1a62633145c07p-54;
 
 std::int64_t nearest(double x) { return static_cast<std::int64_t>(x < 0 ? x - 0.5 : x + 0.5); }
@@ -31,14 +31,14 @@ double power_of_two(int n) {
   return std::bit_cast<double>(static_cast<std::uint64_t>(n + 1023) << 52);
 }
 
-/// An angle within pi/4 of a multiple of pi/2, as high + low.
+/// An angle reduced to [-pi/4, pi/4], as high + low, and the number of removed quarter turns mod 4.
 struct Reduced {
   double high, low;
   int quadrant;
 };
 
-/// Cody and Waite's reduction: multiples of pi/2 taken off piece by piece, what each difference
-/// rounds away kept.
+/// Cody and Waite's reduction: subtracts multiples of pi/2 piece by piece and keeps the rounding
+/// error of each difference.
 Reduced reduce(double x) {
   const std::int64_t quarters = nearest(x * (1 / kHalfPiHigh));
   const auto n = static_cast<double>(quarters);
@@ -52,7 +52,7 @@ Reduced reduce(double x) {
   return {sum, (high - sum) + low, static_cast<int>(quarters & 3)};
 }
 
-// Taylor series; the first term left out is below 2^-57 of the result at pi/4.
+// Taylor series. The first omitted term is below 2^-57 of the result at pi/4.
 
 double sine_of(const Reduced& a) {
   const double x = a.high, z = x * x;
@@ -81,7 +81,7 @@ double cosine_of(const Reduced& a) {
   return w + (((1 - w) - half) + (z * (z * r) - x * a.low));
 }
 
-/// exp(x) - 1 for |x| up to ln(2)/2, x given as high - low.
+/// Returns exp(x) - 1 for x = high - low with |x| up to ln(2)/2.
 double exp_less_one(double high, double low) {
   const double r = high - low, error = (high - r) - low;
   double p = 1.0 / 87178291200;  // 14!
@@ -93,8 +93,8 @@ double exp_less_one(double high, double low) {
   return r + (error + r * r * p);
 }
 
-/// k ln 2 + log(1 + f) + rest, 1 + f between the roots of 1/2 and 2; 2 atanh(f / (2 + f)) written
-/// so that only the small part is rounded.
+/// Returns k ln 2 + log(1 + f) + rest, for 1 + f in [sqrt(1/2), sqrt(2)]. Evaluates log(1 + f) as
+/// 2 atanh(f / (2 + f)), arranged so that only the small terms are rounded.
 double log_of(double f, int k, double rest) {
   const double s = f / (2 + f), z = s * s, half_square = 0.5 * f * f;
   double r = 2.0 / 23;
@@ -107,7 +107,7 @@ double log_of(double f, int k, double rest) {
   return k * kLn2High - ((half_square - (small + (k * kLn2Low + rest))) - f);
 }
 
-/// x as 2^k (1 + f), 1 + f between the roots of 1/2 and 2.
+/// x = 2^k (1 + f) with 1 + f in [sqrt(1/2), sqrt(2)].
 struct Split {
   double f;
   int k;
@@ -129,7 +129,7 @@ Split split(double x) {
   return {mantissa - 1, k};
 }
 
-/// Arc tangents of 0, 1/8 ... 1, rounded, and what rounding took off.
+/// Arc tangents of 0, 1/8 ... 1: rounded values and the rounding errors.
 constexpr double kAtanHigh[] = {0.0,
                                 0x1.fd5ba9aac2f6ep-4,
                                 0x1.f5b75f92c80ddp-3,
@@ -149,7 +149,7 @@ constexpr double kAtanLow[] = {0.0,
                                -0x1.8c34d25aadef6p-56,
                                0x1.1a62633145c07p-55};
 
-/// atan(y / x) for 0 <= y <= x: the nearest eighth's from the table, the rest by its series.
+/// Returns atan(y / x) for 0 <= y <= x: the table entry of the nearest eighth plus a series.
 double atan_of(double y, double x) {
   const auto eighth = nearest(8 * (y / x));
   const double c = static_cast<double>(eighth) / 8;
@@ -244,16 +244,16 @@ double power(double x, int n) {
 
 double erfc(double x) {
   constexpr double kTwoOverRootPi = 0x1.20dd750429b6dp+0;
-  constexpr double kSeriesEnds = 1.5;  // beyond, the continued fraction is the better one
+  constexpr double kSeriesEnds = 1.5;  // above this the continued fraction is more accurate
   if (!(std::abs(x) <= 26)) return kNaN;
   if (x < -kSeriesEnds) return 2 - erfc(-x);
   if (x <= kSeriesEnds) {
-    // erf(x) = 2/sqrt(pi) exp(-x^2) sum of 2^n x^(2n+1) / (1 3 5 ... (2n+1)): all of one sign.
+    // erf(x) = 2/sqrt(pi) exp(-x^2) sum of 2^n x^(2n+1) / (1 3 5 ... (2n+1)): no cancellation.
     double term = x, sum = x;
     for (int n = 1; n <= 40; ++n) sum += term *= 2 * x * x / (2 * n + 1);
     return 1 - kTwoOverRootPi * exp(-x * x) * sum;
   }
-  // exp(-x^2)/sqrt(pi) / (x + (1/2)/(x + (2/2)/(x + (3/2)/(x + ...)))), from the inside out.
+  // exp(-x^2)/sqrt(pi) / (x + (1/2)/(x + (2/2)/(x + (3/2)/(x + ...)))), innermost fraction first.
   double below = x;
   for (int n = 80; n >= 1; --n) below = x + 0.5 * n / below;
   return 0.5 * kTwoOverRootPi * exp(-x * x) / below;

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "base/processor.hpp"
 
-// Clang does not take glibc's header in C++: there GLIBC_TUNABLES chooses no kernels.
+// Clang cannot compile glibc's header as C++, so GLIBC_TUNABLES has no effect in its builds.
 #if defined(__x86_64__) && !defined(__clang__)
 #if __has_include(<sys/platform/x86.h>)
 #include <sys/platform/x86.h>

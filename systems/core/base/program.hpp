@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-/// The command line and the last words of every program. Only mains include it: they have CLI11.
+/// Command-line parsing and error reports of every program. Only main files include this header,
+/// because only programs link CLI11.
 #pragma once
 
 #include <CLI/CLI.hpp>
@@ -12,13 +13,13 @@
 
 namespace slambed {
 
-/// Prints the one line that a user gets, and returns the exit code.
+/// Prints the error line for the user and returns the exit code.
 inline int fail(ExitCode code, const std::string& line) {
   std::cerr << "error: " << line << std::endl;
   return static_cast<int>(code);
 }
 
-/// Parses the command line; an exit code when the program is to end with it.
+/// Parses the command line. Returns an exit code when the program must end now (help or an error).
 inline std::optional<int> parse(CLI::App& app, int argc, char** argv) {
   try {
     app.parse(argc, argv);

@@ -8,7 +8,7 @@ namespace slambed {
 inline constexpr std::uint64_t kGoldenGamma = 0x9E3779B97F4A7C15u;
 
 /// SplitMix64 (Steele, Lea, Flood 2014): one well-mixed word per counter value, the same on every
-/// machine (the distributions of <random> are not).
+/// machine. The distributions of <random> differ between standard libraries.
 constexpr std::uint64_t mix(std::uint64_t x) {
   x += kGoldenGamma;
   x = (x ^ (x >> 30)) * 0xBF58476D1CE4E5B9u;
@@ -16,7 +16,7 @@ constexpr std::uint64_t mix(std::uint64_t x) {
   return x ^ (x >> 31);
 }
 
-/// The 53 upper bits of a word as a number in [0, 1).
+/// Returns the upper 53 bits of a word as a number in [0, 1).
 constexpr double unit_interval(std::uint64_t word) {
   return static_cast<double>(word >> 11) * 0x1p-53;
 }
@@ -34,10 +34,10 @@ class SplitMix64 {
   /// Uniform in [0, 1).
   constexpr double uniform() { return unit_interval(next()); }
   constexpr double uniform(double low, double high) { return low + (high - low) * uniform(); }
-  /// Uniform below n (by remainder: n far below 2^64).
+  /// Uniform in [0, n). Takes the remainder, so n must be far below 2^64.
   constexpr std::uint64_t below(std::uint64_t n) { return next() % n; }
-  /// Standard normal by Box and Muller. The second value of a pair is not kept: every draw costs
-  /// two words, so that a stream's position is a function of the number of draws.
+  /// Standard normal (Box-Muller). Discards the second value of each pair: every draw consumes two
+  /// words, so the position of the stream depends only on the number of draws.
   double normal();
 
  private:

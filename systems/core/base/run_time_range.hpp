@@ -5,8 +5,8 @@
 
 namespace slambed {
 
-/// Run times count from the start of a run: a century either way is more than any has. What comes
-/// from outside must lie within, so that the difference of any two fits.
+/// Limit for run times received from outside: a century before or after the start of the run. The
+/// difference of any two run times within it fits into 64 bits.
 inline constexpr Duration kMaxRunTime = std::chrono::hours(24 * 365 * 100);
 
 constexpr bool is_run_time(std::int64_t ns) {

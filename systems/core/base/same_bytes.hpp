@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-/// What a build must be for results to be the same bytes everywhere. Included where floating point
-/// decides, so that flags which break it are refused when it is built and not found in a table.
+/// Build requirements for byte-identical results on every machine. Files whose floating-point
+/// results matter include it, so that compiler flags which change results fail the build.
 #pragma once
 
 #include <cfloat>

@@ -6,8 +6,8 @@
 
 namespace slambed {
 
-/// Durations and instants are integer nanoseconds. An instant is "run time": zero is the start of
-/// playback, shared by both nodes, the link and the sampler.
+/// Durations and timestamps are integer nanoseconds. A timestamp is in run time: zero is the start
+/// of playback, shared by both nodes, the link and the sampler.
 using Duration = std::chrono::nanoseconds;
 using RunTime = std::chrono::nanoseconds;
 

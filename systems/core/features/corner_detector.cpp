@@ -29,17 +29,17 @@ struct CornerDetector::Band {
 
   int rows() const { return bottom - top; }
   int words() const { return (region.width() + 31) / 32; }
-  /// One more pixel on each side is scored, so that the suppression sees all eight neighbors.
+  /// Scores one extra pixel on each side, so that suppression sees all eight neighbors.
   int scored() const { return region.width() + 2; }
   std::size_t row_bytes() const { return scored() + 2 * kKernelSlack; }
-  /// Where the score of the region's first column in row y lies (y from top - 1 to bottom).
+  /// Offset of the score of the region's first column in row y, for y from top - 1 to bottom.
   std::size_t score_at(int y) const { return (y - top + 1) * row_bytes() + kKernelSlack + 1; }
   std::size_t peaks_at(int y) const { return static_cast<std::size_t>(y - top) * words(); }
 };
 
 namespace {
 
-/// The bits of columns [begin, end) that lie in a word.
+/// Returns the bits of columns [begin, end) in a word.
 std::uint32_t columns_in_word(int word, int begin, int end) {
   const int from = std::max(0, begin - 32 * word), to = std::min(32, end - 32 * word);
   return from >= to ? 0 : (~std::uint32_t{0} >> (32 - (to - from))) << from;

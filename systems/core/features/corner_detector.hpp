@@ -14,11 +14,11 @@ struct Corner {
   std::uint16_t x = 0, y = 0;
   /// The largest threshold at which it is a corner (OpenCV's FAST response).
   std::uint8_t response = 0;
-  /// 1 + response of the four nearest pixels, 0 where they are no corners: for the sub-pixel place.
+  /// 1 + response of the four neighbors, 0 where they are no corners; for sub-pixel refinement.
   std::uint8_t left = 0, right = 0, above = 0, below = 0;
 
-  /// Top of the parabola through the responses along each axis, within half a pixel of (x, y). On
-  /// warped real images this takes the error of a place from 0.73 to 0.52 px (640x480) and gives a
+  /// Peak of the parabola through the responses along each axis, within half a pixel of (x, y). On
+  /// warped real images it reduces the position error from 0.73 to 0.52 px (640x480) and gives a
   /// fundamental matrix 19 % more inliers at 1 px.
   float subpixel_x() const { return static_cast<float>(x) + top(left, right); }
   float subpixel_y() const { return static_cast<float>(y) + top(above, below); }
@@ -31,9 +31,9 @@ struct Corner {
   }
 };
 
-/// The pixels of a level in which corners are looked for.
+/// The region of a level in which corners are detected.
 struct DetectionRegion {
-  /// ORB-SLAM2: the orientation disc (15 px) and one pixel more stay inside the image.
+  /// Keeps the orientation disc (15 px) and one more pixel inside the image (ORB-SLAM2).
   static constexpr int kMargin = 16;
 
   explicit DetectionRegion(GrayView level)
@@ -44,14 +44,14 @@ struct DetectionRegion {
   bool empty() const { return width() <= 0 || height() <= 0; }
 };
 
-/// FAST-9/16 with non-maximum suppression over a whole level, then ORB-SLAM2's threshold rule: a
-/// cell keeps its corners at the high threshold, and those at the low one only if it has no other.
+/// FAST-9/16 with non-maximum suppression over a whole level and ORB-SLAM2's threshold rule: a cell
+/// keeps its corners at the high threshold, or those at the low one if it has no others.
 class CornerDetector {
  public:
   CornerDetector(int threshold, int threshold_min, const Kernels& kernels);
 
-  /// Replaces out by the corners of the level in raster order. The level comes from ImagePyramid
-  /// (its rows have room around them).
+  /// Replaces out by the corners of the level in raster order. The level must come from
+  /// ImagePyramid, because kernels read beyond its rows.
   void detect(GrayView level, std::vector<Corner>& out);
 
   /// Nominal side of a threshold cell, px (ORB-SLAM2).
@@ -66,15 +66,15 @@ class CornerDetector {
 
   int threshold_, threshold_min_;
   const Kernels& kernels_;
-  std::vector<std::uint8_t> scores_;  ///< of one row of cells and the rows beside it
-  /// One bit per pixel column of the region, row by row: corners, and those at the high threshold.
+  std::vector<std::uint8_t> scores_;  ///< of one row of cells plus one pixel row above and below
+  /// One bit per pixel column of the region, row by row: all corners, those at the high threshold.
   std::vector<std::uint32_t> peaks_, strong_;
-  /// The columns with any of the latter; those of the cells that have none.
+  /// Columns that contain a strong corner; columns of the cells without any.
   std::vector<std::uint32_t> column_strong_, weak_;
   struct Word {
     std::uint16_t row, word;
   };
-  std::vector<Word> filled_;  ///< those words of peaks_ that hold corners to keep
+  std::vector<Word> filled_;  ///< the words of peaks_ with corners to keep
 };
 
 }  // namespace slambed

@@ -23,14 +23,13 @@ void CornerSelector::reserve(std::size_t most_corners, int largest_quota) {
   keys_.reserve(most_corners);
   chosen_.reserve(most_corners);
   for (auto* list : {&best_, &taken_}) list->reserve(most_corners + 1);
-  column_of_x_.reserve(most_corners);  // fewer columns than there may be corners
+  column_of_x_.reserve(most_corners);  // there are never more columns than most_corners
   for (auto* list : {&nodes_, &expandable_, &final_}) list->reserve(largest_quota + 4);
 }
 
-/// About as many cells as the quota; first the best corner of every cell, then the second best, and
-/// so on. Where a round has more than are still wanted, its strongest go first. The fewer cells
-/// hold corners, the more rounds there are, but the fewer corners: their product stays below the
-/// number of pixels.
+/// Uses about as many cells as the quota. Takes the best corner of every cell, then the second
+/// best, and so on; the last round takes its strongest. More rounds are only needed when few cells
+/// hold corners, so rounds times corners stays below the number of pixels.
 void CornerSelector::select_by_grid(const DetectionRegion& region, int quota,
                                     std::vector<Corner>& corners) {
   const double side = std::sqrt(static_cast<double>(region.width()) * region.height() / quota);
@@ -51,7 +50,7 @@ void CornerSelector::select_by_grid(const DetectionRegion& region, int quota,
   taken_.assign(cells, 0);
   chosen_.assign(corners.size(), 0);
   for (std::size_t left = quota; left > 0;) {
-    // Response downwards, then raster order. A round takes the least that is not taken yet.
+    // Keys sort by descending response, then raster order. A round takes the smallest key left.
     best_.assign(cells, kNone);
     for (std::size_t i = 0; i < corners.size(); ++i) {
       const std::uint64_t key = std::uint64_t{256u - corners[i].response} << 32 | i;
@@ -80,8 +79,8 @@ void CornerSelector::select_by_grid(const DetectionRegion& region, int quota,
   corners.resize(kept);
 }
 
-/// Replaces a node by its up to four non-empty quarters (half sizes rounded up), which go to final_
-/// when they hold one corner and to nodes_ when they hold more.
+/// Splits a node into its non-empty quarters (half sizes rounded up). Quarters with one corner go
+/// to final_, those with more to nodes_.
 void CornerSelector::split(const std::vector<Corner>& corners, Node node) {
   const int mid_x = node.x0 + (node.x1 - node.x0 + 1) / 2;
   const int mid_y = node.y0 + (node.y1 - node.y0 + 1) / 2;
@@ -110,8 +109,8 @@ void CornerSelector::split(const std::vector<Corner>& corners, Node node) {
   }
 }
 
-/// ORB-SLAM2's rule: split every node that holds more than one corner into four until there are as
-/// many nodes as wanted; when the next full round would overshoot, split the fullest first.
+/// ORB-SLAM2's rule: split every node with more than one corner into four until there are as many
+/// nodes as the quota. When the next full round would exceed it, split the fullest nodes first.
 void CornerSelector::select_by_quadtree(const DetectionRegion& region, int quota,
                                         std::vector<Corner>& corners) {
   order_.resize(corners.size());

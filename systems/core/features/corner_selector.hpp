@@ -9,16 +9,16 @@
 
 namespace slambed {
 
-/// Thins the corners of a level out to a quota, spread over the image. Equal responses are decided
-/// by raster order, so the same corners always give the same choice.
+/// Reduces the corners of a level to a quota, spread over the image. Raster order breaks ties
+/// between equal responses, so the same corners always give the same selection.
 class CornerSelector {
  public:
   explicit CornerSelector(Distribution distribution) : distribution_(distribution) {}
 
-  /// Makes room, so that select() need not allocate for up to these numbers.
+  /// Reserves memory, so that select() does not allocate up to these numbers.
   void reserve(std::size_t most_corners, int largest_quota);
 
-  /// Keeps at most quota corners (the quadtree: at most quota + 3), in raster order, in place.
+  /// Keeps at most quota corners (quadtree: quota + 3) in place, in raster order.
   void select(const DetectionRegion& region, int quota, std::vector<Corner>& corners);
 
  private:
@@ -34,7 +34,7 @@ class CornerSelector {
 
   Distribution distribution_;
   std::vector<std::uint32_t> order_, scratch_;
-  std::vector<std::uint64_t> keys_, best_, taken_;  ///< the latter two per cell of the grid
+  std::vector<std::uint64_t> keys_, best_, taken_;  ///< best_ and taken_: per grid cell
   std::vector<std::uint8_t> chosen_;                ///< per corner
   std::vector<std::uint16_t> column_of_x_;
   std::vector<Node> nodes_, expandable_, final_;

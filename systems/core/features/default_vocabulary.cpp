@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "features/default_vocabulary.hpp"
 
-// The assembler copies the file into the program: no path to find at run time, and no array of half
-// a million numbers for the compiler to read.
+// The assembler embeds the file, so the program needs no path at run time and the compiler need not
+// parse an array of half a million numbers.
 asm(R"(
     .pushsection .rodata
     .balign 16

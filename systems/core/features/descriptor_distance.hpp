@@ -9,9 +9,8 @@
 
 namespace slambed {
 
-/// Hamming distances in bulk, with what the processor has for counting bits. The functions take
-/// plain pointers, because the files of kernels use nothing inline from elsewhere
-/// (features/kernels.hpp says why).
+/// Hamming distances in bulk, with the bit-counting instructions of the processor. The functions
+/// take plain pointers, because kernel files use no inline functions (see features/kernels.hpp).
 struct DistanceKernels {
   const char* name;
   void (*each)(const Descriptor& one, const Descriptor* const* others, std::size_t n,
@@ -37,13 +36,13 @@ struct DistanceKernels {
   }
 };
 
-/// Without any instruction for it.
+/// Uses no bit-counting instruction.
 const DistanceKernels& plain_distance();
-/// One word at a time. Null in builds for other processors, as is the next.
+/// Counts one word at a time. Like avx512_distance, null in builds for other architectures.
 const DistanceKernels* popcnt_distance();
-/// Eight words at a time.
+/// Counts eight words at a time.
 const DistanceKernels* avx512_distance();
-/// The fastest that this processor can run; all give the same values.
+/// Returns the fastest kernels that this processor can run; all give the same values.
 const DistanceKernels& descriptor_distance();
 
 }  // namespace slambed

@@ -4,13 +4,13 @@
 #if defined(__x86_64__)
 #include <immintrin.h>
 
-// To the end of the file, as in features/kernels_avx2.cpp.
+// This must hold to the end of the file, as in features/kernels_avx2.cpp.
 #pragma GCC target("avx512f,avx512dq,avx512vl,avx512bw,avx512vpopcntdq")
 
 namespace slambed {
 namespace {
 
-constexpr std::size_t kBlock = 8;  ///< distances at a time
+constexpr std::size_t kBlock = 8;  ///< distances per iteration
 typedef std::uint64_t U64x8 __attribute__((vector_size(64)));
 typedef std::uint64_t U64x4 __attribute__((vector_size(32)));
 typedef std::uint64_t U64x2 __attribute__((vector_size(16)));
@@ -24,9 +24,8 @@ inline U64x8 beside(U64x4 a, U64x4 b) {
   return __builtin_shufflevector(a, b, 0, 1, 2, 3, 4, 5, 6, 7);
 }
 
-/// Two descriptors fill a vector, numbers i and i + 4. The counts of their words go into the i-th
-/// 16 bits of each word; adding up the four words of either half gives eight distances in their
-/// order.
+/// A vector holds two descriptors, i and i + 4. The bit counts of their words go into the i-th 16
+/// bits of each word. Adding the four words of each half gives eight distances in order.
 inline U64x2 distances(U64x8 one, const Descriptor* const at[kBlock]) {
   U64x8 sum{};
   for (int i = 0; i < 4; ++i) {
@@ -38,7 +37,7 @@ inline U64x2 distances(U64x8 one, const Descriptor* const at[kBlock]) {
   return __builtin_shufflevector(sum, sum, 0, 4);
 }
 
-/// at(i): the i-th of n descriptors.
+/// at(i) returns the i-th of n descriptors.
 template <typename At>
 inline void loop(const Descriptor& one, std::size_t n, std::uint16_t* out, const At& at) {
   const U64x4 words = load(&one);

@@ -16,7 +16,7 @@ constexpr int kColumns = 64, kRows = 48;  // ORB-SLAM2's grid
 /// cell_begin_ and cell_items_ hold 16-bit numbers.
 constexpr std::size_t kMostFeatures = std::numeric_limits<std::uint16_t>::max();
 
-/// Which cell of one axis a coordinate falls into; outside coordinates go to the nearest cell.
+/// Maps a coordinate to its cell along one axis, or to the nearest cell when it is outside.
 struct GridAxis {
   GridAxis(double low, double high, int cells)
       : low_(static_cast<float>(low)),
@@ -79,7 +79,7 @@ void FeatureSet::in_window(float u, float v, float radius_px, int min_octave, in
   const int first_column = columns.cell(u - radius_px), last_column = columns.cell(u + radius_px);
   const int first_row = rows.cell(v - radius_px), last_row = rows.cell(v + radius_px);
   for (int row = first_row; row <= last_row; ++row) {
-    // The cells of one row lie side by side in cell_items_.
+    // The cells of one row are contiguous in cell_items_.
     const int begin = cell_begin_[row * kColumns + first_column];
     const int end = cell_begin_[row * kColumns + last_column + 1];
     for (int k = begin; k < end; ++k) {

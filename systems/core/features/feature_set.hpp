@@ -12,25 +12,25 @@
 
 namespace slambed {
 
-/// What a sequence brings besides a gray image.
+/// The kind of camera that recorded a sequence.
 enum class SensorKind : std::uint8_t { kRgbd, kStereo, kMono };
 
-/// Images that features are extracted from per frame.
+/// Returns the number of images per frame that features are extracted from.
 constexpr int images_per_frame(SensorKind kind) { return kind == SensorKind::kStereo ? 2 : 1; }
 
-/// What all frames of one sequence share.
+/// Calibration shared by all frames of one sequence.
 struct Sensor {
   Camera camera;
   ImageBounds bounds;
   ScalePyramid pyramid;
-  float close_depth_m = 0;  ///< bf * ThDepth / fx: nearer points are "close"
+  float close_depth_m = 0;  ///< bf * ThDepth / fx; nearer points are "close"
 
-  /// Depth is measured, so the map has a scale; a single camera knows none.
+  /// Returns whether depth is measured, so that the map has metric scale.
   bool metric() const { return camera.bf > 0; }
 };
 
-/// Immutable features of one image with a 64x48 grid for area search. Shared by frame, keyframe and
-/// messages; what a keyframe sends is exactly this.
+/// Immutable features of one image with a 64x48 grid for window search. Frames, keyframes and
+/// messages share it.
 class FeatureSet {
  public:
   FeatureSet(std::shared_ptr<const Sensor> sensor, std::vector<KeyPoint> keypoints,
@@ -45,8 +45,8 @@ class FeatureSet {
   const Descriptor& descriptor(int i) const { return descriptors_[i]; }
   float inv_sigma2(int i) const { return sensor_->pyramid.inv_sigma2[keypoints_[i].octave]; }
 
-  /// Appends the indices of keypoints with |du| < radius, |dv| < radius and octave in
-  /// [min_octave, max_octave] to out (cleared first), in ascending cell order.
+  /// Replaces out by the indices of keypoints with |du| < radius, |dv| < radius and octave in
+  /// [min_octave, max_octave], in ascending cell order.
   void in_window(float u, float v, float radius_px, int min_octave, int max_octave,
                  std::vector<int>& out) const;
 
@@ -58,20 +58,20 @@ class FeatureSet {
   std::vector<std::uint16_t> cell_begin_;  ///< 64*48 + 1 offsets into cell_items_
 };
 
-/// The features for which keep is not 0, in their order; keep has one number per feature (bad_input
-/// otherwise). For policies that leave out moving things or whole pyramid levels.
+/// Returns the features whose keep flag is not 0, in order. Throws bad_input unless keep has one
+/// flag per feature. Used by policies that drop moving objects or whole pyramid levels.
 std::shared_ptr<const FeatureSet> select(const FeatureSet& features,
                                          std::span<const std::uint8_t> keep);
 
-/// Extraction, undistortion and depth lookup for an RGB-D frame. depth_unit_m: meters per raw step.
-/// Depth is read at the nearest raw pixel (the pixel ORB-SLAM2 reads on level 0, where it truncates
-/// whole numbers); right_u = u - bf / depth. Throws Error when an image does not fit the camera.
+/// Extracts and undistorts the features of an RGB-D frame and looks up their depth at the nearest
+/// raw pixel (for level 0 the pixel that ORB-SLAM2 reads). depth_unit_m: meters per raw step.
+/// right_u = u - bf / depth. Throws Error when an image does not fit the camera.
 std::shared_ptr<const FeatureSet> make_rgbd_features(OrbExtractor& extractor,
                                                      std::shared_ptr<const Sensor> sensor,
                                                      GrayView gray, DepthView depth,
                                                      double depth_unit_m);
 
-/// Extraction and undistortion only: no feature has depth. Throws as make_rgbd_features.
+/// Extracts and undistorts the features; none has depth. Throws like make_rgbd_features.
 std::shared_ptr<const FeatureSet> make_mono_features(OrbExtractor& extractor,
                                                      std::shared_ptr<const Sensor> sensor,
                                                      GrayView gray);

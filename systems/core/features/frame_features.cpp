@@ -21,12 +21,11 @@ void check_size(const char* what, int width, int height, const Camera& camera) {
                     "; check the camera of the sequence");
 }
 
-/// Raw pixel to ideal pixel.
 Eigen::Vector2d ideal_pixel(const RawKeyPoint& raw, const Camera& camera) {
   return camera.distorted() ? camera.undistort(raw.x, raw.y) : Eigen::Vector2d(raw.x, raw.y);
 }
 
-/// A feature without depth.
+/// Returns a feature without depth.
 KeyPoint feature_at(const Eigen::Vector2d& ideal, const RawKeyPoint& raw) {
   KeyPoint point;
   point.u = static_cast<float>(ideal.x());

@@ -1,15 +1,15 @@
 // SPDX-License-Identifier: Apache-2.0
-// The kernels; see kernels.hpp for what each one computes. Included by each kernels_* file inside
-// its namespace, after vectors.inl and the operations that depend on the instruction set:
-//   bool any(U8)                    is any byte not 0?
-//   uint32_t nonzero(U8)            which bytes are not 0, the first in bit 0
+// Kernels that kernels.hpp describes. Each kernels_* file includes this inside its namespace, after
+// vectors.inl and the operations that depend on the instruction set:
+//   bool any(U8)                    whether any byte is not 0
+//   uint32_t nonzero(U8)            mask of the bytes that are not 0, the first in bit 0
 //   U8 excess(U8 a, U8 b)           a - b, or 0 where b is greater
-//   U16 widen(const uint8_t*)       half a vector of bytes as 16-bit numbers
-//   void store_narrow(uint8_t*, U16)  the reverse; the numbers are below 256
-//   S32 nearest(F32)                the nearest whole numbers, of two the even one
-//   S32 squares(S16)                squares of neighbors, added up in pairs
-//   S32 in_pairs(S16)               neighbors, added up in pairs
-//   int sum(S32)                    of all numbers
+//   U16 widen(const uint8_t*)       half a vector of bytes to 16-bit numbers
+//   void store_narrow(uint8_t*, U16)  inverse of widen; the numbers are below 256
+//   S32 nearest(F32)                nearest integers, ties to even
+//   S32 squares(S16)                sums of the squares of adjacent pairs
+//   S32 in_pairs(S16)               sums of adjacent pairs
+//   int sum(S32)                    sum of all elements
 
 void blend_rows(const uint8_t* const rows[3], const uint16_t weights[3], int n, uint8_t* out) {
   for (int x = 0; x < n; x += kHalf) {
@@ -38,9 +38,8 @@ inline U8 outer(U8 a, U8 b) {
   return kDarkest ? min(a, b) : max(a, b);
 }
 
-/// The brightest level that nine neighboring circle pixels reach together (kDarkest = false), or
-/// the darkest (true), over all 16 arcs. An arc of nine is eight pixels k+1..k+8 with one more at
-/// either end, so pairs of arcs share their eight.
+/// Returns the largest minimum over all 16 arcs of nine circle pixels (kDarkest = false), or the
+/// smallest maximum (true). Two arcs share the pixels k+1..k+8 and add one at either end.
 template <bool kDarkest>
 inline U8 best_arc(const U8 p[16]) {
   U8 two[8], four[8];
@@ -64,7 +63,7 @@ void fast_row(const uint8_t* in, ptrdiff_t stride, int n, uint8_t threshold, uin
   for (int x = 0; x < n; x += kBytes) {
     const uint8_t* at = in + x;
     const U8 center = load<U8>(at);
-    // Nine in a row hold one of each two opposite pixels, so they cannot beat these bounds.
+    // Every arc of nine contains one of any two opposite pixels, which gives these bounds.
     const U8 p0 = load<U8>(at + circle[0]), p4 = load<U8>(at + circle[4]);
     const U8 p8 = load<U8>(at + circle[8]), p12 = load<U8>(at + circle[12]);
     const U8 bright_bound = min(max(p0, p8), max(p4, p12));
@@ -81,7 +80,7 @@ void fast_row(const uint8_t* in, ptrdiff_t stride, int n, uint8_t threshold, uin
   }
 }
 
-/// No branches: where peaks are can hardly be predicted.
+/// Has no branches, because the positions of peaks are hard to predict.
 void peaks_row(const uint8_t* above, const uint8_t* row, const uint8_t* below, int words,
                uint8_t floor, uint32_t* peaks, uint32_t* strong) {
   const U8 limit = splat(floor);
@@ -123,8 +122,7 @@ void blur(const uint8_t* in, ptrdiff_t stride, int n, int rows, uint8_t* scratch
   }
 }
 
-/// Widest column of the disc in each row: round(sqrt(15^2 - y^2)), as ORB's symmetric quarter
-/// circle.
+/// Half width of the disc in row y: round(sqrt(15^2 - y^2)), made symmetric as in ORB.
 constexpr int kDiscHalfWidth[kOrientationRadius + 1] = {15, 15, 15, 15, 14, 14, 14, 13,
                                                         13, 12, 11, 10, 9,  8,  6,  3};
 
@@ -137,7 +135,7 @@ void describe(const uint8_t* center, ptrdiff_t stride, const PatternPoints& patt
     const S32 column = nearest(x * cosine - y * sine), row = nearest(x * sine + y * cosine);
     store(offset + i, row * step + column);
   }
-  // The pixels first, eight to a word, so that 256 comparisons are a few of whole vectors.
+  // Gather all pixels first, eight per word, so that whole vectors can be compared.
   alignas(64) uint64_t a[32], b[32];
   for (int i = 0; i < 32; ++i) {
     const int32_t* at = offset + 16 * i;

@@ -4,7 +4,7 @@
 #if defined(__x86_64__)
 #include <immintrin.h>
 
-// To the end of the file: gcc gives templates the target in force there.
+// This must hold to the end of the file, because gcc instantiates templates with its last target.
 #pragma GCC target("avx2")
 
 namespace slambed {
@@ -60,13 +60,13 @@ inline __m256i words(const uint16_t* from) {
   return _mm256_loadu_si256(reinterpret_cast<const __m256i*>(from));
 }
 inline void put(uint8_t* to, __m256i v) { _mm256_storeu_si256(reinterpret_cast<__m256i*>(to), v); }
-// Products of pixels and weights, of which the instruction takes one signed: the pixels, less 128.
+// The multiply instruction needs one signed operand, so pixels are shifted by -128.
 inline __m256i lessened(__m256i pixels) { return _mm256_xor_si256(pixels, _mm256_set1_epi8(-128)); }
-/// Pairs of pixels times pairs of weights (first + 256 * second).
+/// Multiplies pairs of pixels with pairs of weights (first + 256 * second) and adds each pair.
 inline __m256i products(__m256i lessened_pixels, __m256i weights) {
   return _mm256_maddubs_epi16(weights, lessened_pixels);
 }
-/// Sums of such products over weights of 256, divided by 256; still less 128.
+/// Divides sums of such products by the total weight of 256; the result is still shifted by -128.
 inline __m256i rounded(__m256i sum) { return _mm256_mulhrs_epi16(sum, _mm256_set1_epi16(128)); }
 
 template <bool kThree>
@@ -85,7 +85,7 @@ void blend(const uint8_t* a, const uint8_t* b, const uint8_t* c, __m256i weights
   }
 }
 
-/// Most rows are made of two.
+/// Most rows have only two input rows with a weight, so that case is faster.
 void blend_rows_by_pairs(const uint8_t* const rows[3], const uint16_t weights[3], int n,
                          uint8_t* out) {
   for (int i = 0; i < 3; ++i)
@@ -102,10 +102,10 @@ inline __m128i window(const uint8_t* from) {
   return _mm_loadu_si128(reinterpret_cast<const __m128i*>(from));
 }
 
-/// Two blocks of eight outputs at a time: byte shuffles bring each output its inputs.
+/// Computes two blocks of eight outputs at a time; byte shuffles gather the inputs of each output.
 void resize_row_shuffled(const uint8_t* in, const ResizeTable& axis, uint8_t* out) {
   if (!axis.fits_window) return resize_row(in, axis, out);
-  // Copies, because a store to out might change the table for all that the compiler knows.
+  // Local copies, because the compiler must assume that a store to out may alias the table.
   const int size = axis.size;
   const uint16_t* block_first = axis.block_first;
   const uint16_t* pair_weight = axis.pair_weight;
@@ -127,7 +127,7 @@ void resize_row_shuffled(const uint8_t* in, const ResizeTable& axis, uint8_t* ou
   }
 }
 
-/// Pairs of neighboring bytes times pairs of weights (both in 128ths), added up in 16 bits.
+/// Multiplies pairs of adjacent bytes with pairs of weights (in 128ths) and adds each pair.
 inline __m256i weigh(__m256i pixels, int first, int second) {
   return _mm256_maddubs_epi16(pixels, _mm256_set1_epi16(static_cast<int16_t>(first | second << 8)));
 }
@@ -136,8 +136,8 @@ inline __m256i mean(__m256i a, __m256i b, __m256i c, __m256i d) {
   const __m256i sum = _mm256_add_epi16(_mm256_add_epi16(a, b), _mm256_add_epi16(c, d));
   return _mm256_mulhrs_epi16(sum, _mm256_set1_epi16(256));
 }
-/// The Gaussian of seven neighbors in four pairs: the first of a pair is the first of the seven,
-/// or the second is.
+/// Gaussian over seven of the eight pixels in four pairs: gauss_even over the first seven,
+/// gauss_odd over the last seven.
 inline __m256i gauss_even(const __m256i pair[4]) {
   return mean(weigh(pair[0], kGauss3, kGauss2), weigh(pair[1], kGauss1, kGauss0),
               weigh(pair[2], kGauss1, kGauss2), weigh(pair[3], kGauss3, 0));
@@ -147,7 +147,7 @@ inline __m256i gauss_odd(const __m256i pair[4]) {
               weigh(pair[2], kGauss0, kGauss1), weigh(pair[3], kGauss2, kGauss3));
 }
 
-/// Two rows at a time, which share their pairs of input rows.
+/// Computes two rows at a time, because they share their pairs of input rows.
 void blur_two_down(const uint8_t* in, ptrdiff_t stride, int n, uint8_t* out, uint8_t* out_below) {
   for (int x = 0; x < n; x += kBytes) {
     const uint8_t* at = in + x - 3 * stride;
@@ -183,7 +183,7 @@ void blur_by_pairs(const uint8_t* in, ptrdiff_t stride, int n, int rows, uint8_t
   blur(in + y * stride, stride, n, rows - y, scratch, out + y * out_stride, out_stride);
 }
 
-/// The disc in rows of 32 bytes: which columns belong to it, and how far right each of them is.
+/// The disc in rows of 32 bytes: a mask of its columns and their offset from the center.
 struct DiscBytes {
   alignas(64) uint8_t inside[kOrientationRadius + 1][kBytes] = {};
   alignas(64) int8_t right[kOrientationRadius + 1][kBytes] = {};
@@ -209,7 +209,7 @@ Moments moments_by_rows(const uint8_t* center, ptrdiff_t stride) {
   const uint8_t* left = center - kOrientationRadius;
   const __m256i ones = _mm256_set1_epi16(1);
   __m256i across = _mm256_madd_epi16(times_right(bytes(left), 0), ones);
-  // Rows from the outermost inwards: each is in the running sum as often as it is far from 0.
+  // Goes from the outermost row inwards, so that row y is added to `down` y times.
   __m256i running = _mm256_setzero_si256(), down = _mm256_setzero_si256();
   for (int y = kOrientationRadius; y > 0; --y) {
     const __m256i lower = bytes(left + y * stride), upper = bytes(left - y * stride);
@@ -218,7 +218,7 @@ Moments moments_by_rows(const uint8_t* center, ptrdiff_t stride) {
     running = _mm256_add_epi64(running, _mm256_sub_epi64(row_sum(lower, y), row_sum(upper, y)));
     down = _mm256_add_epi64(down, running);
   }
-  // 64 bits, the upper half of which says nothing but the sign.
+  // The upper half of each 64-bit sum is only sign extension.
   const __m256i low_halves = _mm256_and_si256(down, _mm256_set1_epi64x(0xffffffff));
   return {sum(reinterpret_cast<S32>(across)), sum(reinterpret_cast<S32>(low_halves))};
 }

@@ -16,7 +16,7 @@ inline bool any(U8 v) {
 }
 inline U8 excess(U8 a, U8 b) { return max(a, b) - b; }
 inline uint32_t nonzero(U8 v) {
-  // Byte i of each word keeps bit i alone; the product adds them all up in the highest byte.
+  // Byte i of each word keeps only bit i. The product adds all bytes into the highest one.
   const U64 marks = reinterpret_cast<U64>(v != U8{}) & 0x8040201008040201u;
   uint32_t bits = 0;
   for (int i = 0; i < kBytes / 8; ++i)
@@ -30,7 +30,7 @@ inline S32 nearest(F32 v) {
   constexpr int32_t kRoundBits = 0x4b400000;
   return reinterpret_cast<S32>(v + kRound) - kRoundBits;
 }
-// Each 32 bits hold two neighbors.
+// Each 32-bit element holds two adjacent 16-bit numbers.
 inline S32 upper(S16 v) { return reinterpret_cast<S32>(v) >> 16; }
 inline S32 lower(S16 v) { return reinterpret_cast<S32>(reinterpret_cast<U32>(v) << 16) >> 16; }
 inline S32 squares(S16 v) { return lower(v) * lower(v) + upper(v) * upper(v); }
@@ -56,8 +56,8 @@ struct DiscMask {
 constexpr DiscMask kDiscMask;
 
 Moments moments(const uint8_t* center, ptrdiff_t stride) {
-  // Column sums of the disc, plain and times y: at most 31 * 255 and 120 * 255, both within 16
-  // bits.
+  // Column sums of the disc, unweighted and weighted by y: at most 31 * 255 and 120 * 255, which
+  // fit into 16 bits.
   constexpr int kColumns = kDiscColumns, kParts = kColumns / kHalf;
   const uint8_t* left = center - kOrientationRadius;
   alignas(64) int16_t sum[kColumns], turned[kColumns];

@@ -10,7 +10,7 @@ namespace slambed {
 /// 256-bit oriented BRIEF descriptor.
 using Descriptor = std::array<std::uint64_t, 4>;
 
-/// One feature of a frame. Coordinates at pyramid level 0, undistorted, pixels.
+/// One feature of a frame. Coordinates are undistorted pixels at pyramid level 0.
 struct KeyPoint {
   float u = 0, v = 0;
   float right_u = -1;   ///< column in the (virtual) right image; negative when there is no depth
@@ -21,7 +21,7 @@ struct KeyPoint {
   bool has_depth() const { return depth_m > 0; }
 };
 
-/// What the extractor itself finds, before undistortion and depth: raw pixel at level 0.
+/// Output of the extractor before undistortion and depth. Coordinates are raw pixels at level 0.
 struct RawKeyPoint {
   float x = 0, y = 0;
   float angle_deg = 0;
@@ -34,7 +34,7 @@ inline int hamming(const Descriptor& a, const Descriptor& b) {
          std::popcount(a[3] ^ b[3]);
 }
 
-/// Matching limits of ORB-SLAM2 (bits of 256).
+/// Matching thresholds of ORB-SLAM2, in bits of 256.
 inline constexpr int kHammingHigh = 100;
 inline constexpr int kHammingLow = 50;
 

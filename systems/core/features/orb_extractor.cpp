@@ -17,9 +17,9 @@
 namespace slambed {
 namespace {
 
-/// Keeps every coordinate and row offset well inside the 16 and 32 bits they are stored in.
+/// Keeps every coordinate within 16 bits and every row offset within 32 bits.
 constexpr int kMaxSide = 16384;
-/// Descriptors look this far beyond the image, px.
+/// Descriptors read this far beyond the image, px.
 constexpr int kBlurRim = kPatternReach - DetectionRegion::kMargin;
 static_assert(kBlurRim + kBlurRadius <= PaddedPlane::kBorder);
 
@@ -32,8 +32,8 @@ void check(const OrbOptions& o) {
     refuse("need 1 <= fast_threshold_min <= fast_threshold <= 254");
 }
 
-/// A geometric series over the levels that sums up to the wanted number (the last level has the
-/// rest).
+/// Returns a geometric series over the levels that sums to options.features; the last level gets
+/// the rest.
 std::vector<int> level_quotas(const OrbOptions& o) {
   const double shrink = 1.0 / o.scale_factor;
   double wanted = o.features * (1 - shrink) / (1 - portable::power(shrink, o.levels));
@@ -94,7 +94,7 @@ struct OrbExtractor::Impl {
   CornerSelector selector;
   PatternPoints pattern{};
   std::vector<Corner> corners;
-  PaddedPlane blurred;  ///< of the level at hand
+  PaddedPlane blurred;  ///< of the current level
   std::vector<std::uint8_t> blur_scratch;
   int width = 0, height = 0;
 };
@@ -116,8 +116,8 @@ void OrbExtractor::Impl::blur(GrayView level) {
                blurred.view().stride);
 }
 
-/// Appends what the corners of one level become. The center of pixel x of a level lies at
-/// (x + 0.5) * ratio - 0.5 of level 0, with the ratio that the rounded level sizes really have.
+/// Appends the keypoints and descriptors of one level. The center of pixel x of a level is at
+/// (x + 0.5) * ratio - 0.5 on level 0, with the actual ratio of the rounded level sizes.
 void OrbExtractor::Impl::describe_level(int octave, GrayView image,
                                         std::vector<RawKeyPoint>& keypoints,
                                         std::vector<Descriptor>& descriptors) {

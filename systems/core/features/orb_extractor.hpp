@@ -12,9 +12,9 @@ namespace slambed {
 struct Kernels;
 class ImagePyramid;
 
-/// How the corners of a pyramid level are thinned out to its quota.
+/// How the corners of a pyramid level are reduced to its quota.
 enum class Distribution {
-  kGrid,      ///< best of each cell of a regular grid, then second best ...: more features survive
+  kGrid,      ///< best corner of each grid cell, then the second best ...; keeps more features
   kQuadtree,  ///< ORB-SLAM2's quadtree
 };
 
@@ -23,14 +23,13 @@ struct OrbOptions {
   int features = 1000;
   int levels = 8;
   float scale_factor = 1.2f;
-  int fast_threshold = 20;     ///< first try per cell
-  int fast_threshold_min = 7;  ///< used in a cell where the first found nothing
+  int fast_threshold = 20;     ///< tried first in each cell
+  int fast_threshold_min = 7;  ///< used in cells where the first finds nothing
   Distribution distribution = Distribution::kGrid;
-  bool subpixel =
-      true;  ///< refine the place of a corner; ORB-SLAM2 keeps whole pixels of its level
+  bool subpixel = true;  ///< refine corner positions; ORB-SLAM2 keeps whole pixels of the level
 };
 
-/// Scale of each pyramid level and the variance (px^2) a detection there has.
+/// Scale of each pyramid level and the variance (px^2) of a detection on it.
 struct ScalePyramid {
   explicit ScalePyramid(const OrbOptions& options = {});
   std::vector<float> scale, sigma2, inv_sigma2;
@@ -38,25 +37,25 @@ struct ScalePyramid {
   int levels() const { return static_cast<int>(scale.size()); }
 };
 
-/// Detects and describes ORB features. Owns its scratch memory: after the first image no call
-/// allocates. One instance per thread.
+/// Detects and describes ORB features. Owns its scratch memory: images of the same size as the one
+/// before cause no allocations. One instance per thread.
 class OrbExtractor {
  public:
   explicit OrbExtractor(const OrbOptions& options);
-  /// With chosen inner loops; the result does not depend on them.
+  /// Uses the given kernels; the result does not depend on them.
   OrbExtractor(const OrbOptions& options, const Kernels& kernels);
   ~OrbExtractor();
   OrbExtractor(OrbExtractor&&) noexcept;
 
-  /// Fills keypoints (level 0 first, raw pixels) and descriptors, replacing what they held.
-  /// An image smaller than the smallest usable pyramid level yields no features.
+  /// Replaces the contents of keypoints (level 0 first, raw pixels) and descriptors.
+  /// An image with a side below ImagePyramid::kMinSide gives no features.
   void extract(GrayView image, std::vector<RawKeyPoint>& keypoints,
                std::vector<Descriptor>& descriptors);
 
   const OrbOptions& options() const;
-  /// Number of features wanted from each level.
+  /// Target number of features of each level.
   const std::vector<int>& quotas() const;
-  /// The levels of the last image.
+  /// Pyramid of the last image.
   const ImagePyramid& pyramid() const;
 
  private:

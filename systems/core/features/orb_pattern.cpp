@@ -4,9 +4,9 @@
 namespace slambed {
 
 // The learned ORB pattern: the numbers of bit_pattern_31_ in OpenCV's features2d module (orb.cpp by
-// Ethan Rublee, Vincent Rabaud and Gary Bradski), read out of the data section of the OpenCV 4.6
-// library. Kept unchanged, because published ORB vocabularies are trees of descriptors made with
-// it; a test compares it with the OpenCV that is installed. License of the numbers:
+// Ethan Rublee, Vincent Rabaud and Gary Bradski), read from the data section of the OpenCV 4.6
+// library. It must not change, because published ORB vocabularies are built from its descriptors; a
+// test compares it with the installed OpenCV. License of the numbers:
 //
 // Copyright (c) 2009, Willow Garage, Inc. All rights reserved.
 //

@@ -6,15 +6,15 @@
 
 namespace slambed {
 
-/// One bit of the descriptor: is the (blurred) image darker at a than at b? Pixels from the
-/// keypoint.
+/// One bit of the descriptor: whether the blurred image is darker at a than at b. Offsets from the
+/// keypoint, px.
 struct PatternTest {
   std::int8_t ax, ay, bx, by;
 };
 
 extern const std::array<PatternTest, 256> kOrbPattern;
 
-/// No point of the pattern is farther from the keypoint than this, whatever the rotation (px).
+/// Largest distance of a pattern point from the keypoint at any rotation, px.
 inline constexpr int kPatternReach = 18;
 
 }  // namespace slambed

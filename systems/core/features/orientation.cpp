@@ -7,8 +7,8 @@
 namespace slambed {
 namespace {
 
-/// atan of z in [0, 1], radians; |error| <= 2e-8 (Abramowitz & Stegun 4.4.49). The C library's
-/// atan2 is not used because its last bit differs between versions.
+/// Returns atan(z) for z in [0, 1], rad; |error| <= 2e-8 (Abramowitz & Stegun 4.4.49). It replaces
+/// the C library's atan2, whose last bit differs between versions.
 double atan_unit(double z) {
   const double q = z * z;
   double p = 0.0028662257;
@@ -31,7 +31,7 @@ Orientation orientation_of(Moments m) {
   const double length = std::sqrt(x * x + y * y);
   Orientation o{static_cast<float>(x / length), static_cast<float>(y / length),
                 static_cast<float>(angle)};
-  if (o.angle_deg >= 360) o.angle_deg = 0;  // rounded up
+  if (o.angle_deg >= 360) o.angle_deg = 0;  // 359.99... may round up
   return o;
 }
 

@@ -11,8 +11,8 @@ struct Orientation {
   float angle_deg = 0;  ///< [0, 360)
 };
 
-/// Only correctly rounded operations, so every machine finds the same bits. Equal moments in all
-/// directions give angle 0.
+/// Uses only correctly rounded operations, so every machine gets the same bits. Zero moments give
+/// angle 0.
 Orientation orientation_of(Moments moments);
 
 }  // namespace slambed

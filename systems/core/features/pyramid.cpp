@@ -11,7 +11,7 @@
 namespace slambed {
 namespace {
 
-constexpr std::ptrdiff_t kLeftRoom = 64;  // keeps row starts on cache lines; at least kBorder
+constexpr std::ptrdiff_t kLeftRoom = 64;  // aligns rows to cache lines; at least kBorder
 
 std::ptrdiff_t round_up(std::ptrdiff_t value, std::ptrdiff_t step) {
   return (value + step - 1) / step * step;
@@ -55,7 +55,7 @@ ResizeAxis::ResizeAxis(int from, int to) {
   block_first_.assign(padded / kResizeBlock, 0);
   const double step = static_cast<double>(from) / to;
   for (int i = 0; i < to; ++i) {
-    // Output i covers [i, i + 1) * step of the input; every input pixel counts with its share.
+    // Output i covers [i, i + 1) * step of the input. Each input pixel is weighted by its share.
     const double begin = i * step, end = (i + 1) * step;
     const int first = std::clamp(static_cast<int>(begin), 0, std::max(0, from - 3));
     double share[3], before = 0;

@@ -9,8 +9,8 @@
 
 namespace slambed {
 
-/// An image plane whose rows have room around them: kBorder mirrored pixels on each side, and
-/// enough beyond for kernels that work in whole vectors.
+/// An image plane with padding: kBorder mirrored pixels on each side, and more beyond for kernels
+/// that read and write whole vectors.
 class PaddedPlane {
  public:
   static constexpr int kBorder = 8;
@@ -41,18 +41,18 @@ class ResizeAxis {
   bool fits_window_ = true;
 };
 
-/// The image and its ever smaller copies. Level i has 1 / scale[i] of the size of level 0, rounded,
-/// and is made from level i - 1.
+/// Image pyramid. Level i has the size of level 0 divided by scale[i], rounded, and is computed
+/// from level i - 1.
 class ImagePyramid {
  public:
-  /// scale: size of level 0 over size of each level, ascending from 1, each step at most 2.
+  /// scale: size of level 0 divided by that of each level, ascending from 1, each step at most 2.
   ImagePyramid(std::vector<float> scale, const Kernels& kernels);
 
   void build(GrayView image);
-  /// Number of levels the last image was large enough for (each side at least min_side_px).
+  /// Number of levels of the last image whose sides are both at least kMinSide.
   int levels() const { return usable_; }
   GrayView level(int i) const { return planes_[i].view(); }
-  static constexpr int kMinSide = 33;  ///< one pixel that is 16 px from every border
+  static constexpr int kMinSide = 33;  ///< px; leaves one pixel that is 16 px from every border
 
  private:
   struct Step {
@@ -63,7 +63,7 @@ class ImagePyramid {
   std::vector<float> scale_;
   const Kernels& kernels_;
   std::vector<PaddedPlane> planes_;
-  std::vector<Step> steps_;  ///< steps_[i] makes level i + 1
+  std::vector<Step> steps_;  ///< steps_[i] computes level i + 1
   std::vector<std::uint8_t> row_;
   int width_ = 0, height_ = 0, usable_ = 0;
 };

@@ -20,10 +20,10 @@ namespace {
 // ORB-SLAM2's constants.
 constexpr float kRowTolerance = 2;  ///< px on the level of the right keypoint
 constexpr int kHammingLimit = (kHammingHigh + kHammingLow) / 2;
-constexpr float kLeastDisparity = 0.01f;   ///< px; what a disparity of 0 becomes
-constexpr float kPoorPatch = 1.5f * 1.4f;  ///< times the median difference
+constexpr float kLeastDisparity = 0.01f;   ///< px; replaces smaller disparities
+constexpr float kPoorPatch = 1.5f * 1.4f;  ///< times the median difference; worse matches fail
 
-/// Whole pixel of a level that a level-0 coordinate falls on.
+/// Returns the pixel of a level that contains a level-0 coordinate.
 int level_pixel(float value, int level_size, int full_size) {
   const float ratio = static_cast<float>(level_size) / static_cast<float>(full_size);
   return static_cast<int>(std::floor((value + 0.5f) * ratio));
@@ -34,7 +34,7 @@ struct Slide {
   int difference;
 };
 
-/// The best place of the left patch around right_x, refined by a parabola.
+/// Finds the best position of the left patch around right_x and refines it with a parabola.
 std::optional<Slide> slide_patch(const Kernels& kernels, GrayView left, int left_x, GrayView right,
                                  int right_x, int y) {
   constexpr int kReach = kPatchRadius + kPatchSlide;
@@ -44,9 +44,9 @@ std::optional<Slide> slide_patch(const Kernels& kernels, GrayView left, int left
   const PatchSlide slide =
       kernels.slide_patch(&left.at(left_x, y), left.stride, &right.at(right_x, y), right.stride);
   if (slide.best == 0 || slide.best == 2 * kPatchSlide)
-    return std::nullopt;  // the true minimum may lie beyond
-  // Squares are smooth at their minimum, where absolute differences have a kink that pulls a
-  // parabola towards the whole pixel. Each image counts relative to its mean.
+    return std::nullopt;  // the true minimum may be outside the range
+  // The parabola uses squares, because the kink of absolute differences at their minimum pulls it
+  // towards whole pixels. Patches are compared relative to their means.
   const auto squares = [&slide](int i) {
     constexpr double kPixels = (2 * kPatchRadius + 1) * (2 * kPatchRadius + 1);
     return slide.squares[i] * kPixels - static_cast<double>(slide.total[i]) * slide.total[i];
@@ -96,8 +96,8 @@ void StereoMatcher::sort_into_rows(const Side& right) {
 int StereoMatcher::best_descriptor(const RawKeyPoint& point, const Descriptor& descriptor,
                                    const Side& right) {
   const int row = std::clamp(static_cast<int>(point.y + 0.5f), 0, sensor_->camera.height - 1);
-  // Nothing is nearer than one baseline, where the disparity is fx; points far away scatter around
-  // 0.
+  // Points are at least one baseline away, where the disparity is fx. Distant points scatter around
+  // a disparity of 0.
   const float least_x = point.x - static_cast<float>(sensor_->camera.fx);
   const float most_x = point.x + sensor_->pyramid.scale[point.octave];
   candidates_.clear();

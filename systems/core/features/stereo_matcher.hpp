@@ -9,11 +9,11 @@
 
 namespace slambed {
 
-/// Finds the right image's column of left features in a rectified pair: best descriptor near the
-/// same row, then a sub-pixel patch comparison (ORB-SLAM2's way). Owns its scratch memory.
+/// Matches left features to the right image of a rectified pair like ORB-SLAM2: best descriptor
+/// near the same row, then sub-pixel patch alignment. Owns its scratch memory.
 class StereoMatcher {
  public:
-  /// One image of the pair: what an extractor found and the pyramid it still holds.
+  /// One image of the pair: the output of an extractor and its pyramid.
   struct Side {
     std::span<const RawKeyPoint> keypoints;
     std::span<const Descriptor> descriptors;
@@ -21,15 +21,15 @@ class StereoMatcher {
   };
 
   explicit StereoMatcher(std::shared_ptr<const Sensor> sensor);
-  /// With chosen inner loops; the result does not depend on them.
+  /// Uses the given kernels; the result does not depend on them.
   StereoMatcher(std::shared_ptr<const Sensor> sensor, const Kernels& kernels);
 
-  /// Fills disparity (px at level 0, one per left keypoint); negative where nothing fits.
+  /// Fills disparity, px at level 0, one per left keypoint; negative without a match.
   void match(const Side& left, const Side& right, std::vector<float>& disparity);
 
  private:
   struct Match {
-    int left, difference;  ///< keypoint and sum of absolute differences
+    int left, difference;  ///< keypoint index and sum of absolute differences
   };
   void sort_into_rows(const Side& right);
   int best_descriptor(const RawKeyPoint& point, const Descriptor& descriptor, const Side& right);
@@ -43,9 +43,9 @@ class StereoMatcher {
   std::vector<Match> matches_;
 };
 
-/// Extraction of both images and matching for a rectified stereo frame; a keypoint without a match
-/// has neither depth nor right_u. The extractors must be two. Throws Error when an image does not
-/// fit the camera or the camera is not that of a rectified pair.
+/// Extracts and matches the features of a rectified stereo frame. A keypoint without a match has no
+/// depth and no right_u. Each image needs its own extractor. Throws Error for one extractor given
+/// twice or an image that does not fit the camera.
 std::shared_ptr<const FeatureSet> make_stereo_features(OrbExtractor& left_extractor,
                                                        OrbExtractor& right_extractor,
                                                        StereoMatcher& matcher,

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Vectors of kBytes bytes and what all instruction sets do with them alike. Included by each
-// kernels_* file inside its namespace, after kBytes.
+// Vectors of kBytes bytes and the operations that need no special instructions. Each kernels_* file
+// includes this inside its namespace, after kBytes.
 
 using std::int16_t;
 using std::int32_t;

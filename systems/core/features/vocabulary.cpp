@@ -10,7 +10,7 @@
 namespace slambed {
 namespace {
 
-/// Features are matched only inside nodes of this level: about a hundred groups (ORB-SLAM2).
+/// Features are matched only within nodes of this level, about a hundred groups (ORB-SLAM2).
 constexpr int kMatchingLevel = 2;
 constexpr std::uint32_t kChildrenAtOnce = 16;
 
@@ -62,7 +62,7 @@ BagOfWords Vocabulary::transform(std::span<const Descriptor> descriptors) const 
   by_node.reserve(descriptors.size());
   for (std::size_t i = 0; i < descriptors.size(); ++i) {
     const auto [leaf, node] = find(descriptors[i]);
-    if (leaf->weight <= 0) continue;  // seen in every training image: says nothing
+    if (leaf->weight <= 0) continue;  // the word was in every training image
     bag.words.emplace_back(leaf->word, leaf->weight);
     by_node.emplace_back(node, static_cast<std::uint16_t>(i));
   }

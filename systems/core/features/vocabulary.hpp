@@ -12,8 +12,8 @@
 
 namespace slambed {
 
-/// An image as visual words: weights sum to one (L1), words ascending. The direct index lists, per
-/// tree node of the matching level, the features that fell into it, nodes and features ascending.
+/// An image as visual words, in ascending order, with weights that sum to one (L1). nodes is the
+/// direct index: the features below each tree node of the matching level, all in ascending order.
 struct BagOfWords {
   std::vector<std::pair<std::uint32_t, float>> words;
   std::vector<std::pair<std::uint32_t, std::vector<std::uint16_t>>> nodes;
@@ -29,16 +29,17 @@ struct VocabularyOptions {
   std::uint64_t seed = 1;
 };
 
-/// A tree of binary words (Galvez-Lopez and Tardos 2012): each node's children are the medians of
-/// the descriptors below it; leaves are words, weighted by inverse document frequency.
+/// A vocabulary tree of binary words (Galvez-Lopez and Tardos 2012). Each node's descriptor is the
+/// median of its cluster. Leaves are words, weighted by inverse document frequency.
 class Vocabulary {
  public:
-  /// Trains on the descriptors of many images. Throws Error(kBadInput) without any descriptor.
+  /// Trains on the descriptors of many images. Throws Error(kBadInput) without any descriptors or
+  /// for options out of range.
   static Vocabulary train(std::span<const std::vector<Descriptor>> images,
                           const VocabularyOptions& options = {});
-  /// Reads our binary format; throws Error(kBadInput) for a file that is damaged or something else.
+  /// Reads slambed's binary format. Throws Error(kBadInput) for a damaged or foreign file.
   static Vocabulary load(const std::filesystem::path& path);
-  /// The same from memory; source is named in errors.
+  /// Reads the binary format from memory; errors name `source`.
   static Vocabulary parse(std::span<const std::uint8_t> bytes, const std::string& source);
   /// Reads DBoW2's text format (ORBvoc.txt).
   static Vocabulary load_dbow2_text(const std::filesystem::path& path);
@@ -51,7 +52,7 @@ class Vocabulary {
   int depth() const { return depth_; }
 
  private:
-  /// Children of a node are contiguous; a leaf has none and carries a word.
+  /// Children of a node are contiguous. A leaf has none and holds a word.
   struct Node {
     Descriptor descriptor{};
     std::uint32_t first_child = 0;
@@ -62,9 +63,9 @@ class Vocabulary {
   };
 
   friend class VocabularyTrainer;
-  /// Throws Error(kBadInput) unless every link points forward and inside and weights are finite.
+  /// Throws Error(kBadInput) unless the links form a breadth-first tree and weights are valid.
   void check(const std::string& source) const;
-  /// Leaf of a descriptor, and the node passed at the matching level.
+  /// Returns the leaf of a descriptor and its ancestor on the matching level.
   std::pair<const Node*, std::uint32_t> find(const Descriptor& descriptor) const;
   int matching_level() const;
 

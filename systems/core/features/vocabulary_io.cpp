@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // Binary format, little-endian: magic u32, version u16, branching u16, depth u16, reserved u16,
-// nodes u32, words u32, crc32 u32 of what follows; then per node: descriptor 32 bytes, first child
-// u32, weight f32, children u16, level u16. Words are numbered in the order of the leaves.
+// nodes u32, words u32, crc32 u32 of the rest. Then per node: descriptor 32 bytes, first child u32,
+// weight f32, children u16, level u16, padding u32. Words are numbered in the order of the leaves.
 #include <zlib.h>
 
 #include <array>
@@ -166,7 +166,7 @@ Vocabulary Vocabulary::load_dbow2_text(const std::filesystem::path& path) {
     lines[parent].children.push_back(static_cast<std::uint32_t>(lines.size()));
     lines.push_back(std::move(entry));
   }
-  // Renumber breadth first, so that siblings lie side by side.
+  // Renumber breadth first, so that siblings are contiguous.
   Vocabulary vocabulary;
   vocabulary.branching_ = k;
   vocabulary.depth_ = depth;

@@ -13,7 +13,7 @@ namespace {
 
 using Members = std::vector<std::uint32_t>;
 
-/// Bit-wise majority; ties become zero.
+/// Returns the bit-wise majority; ties become zero.
 Descriptor median(std::span<const Descriptor> all, const Members& members) {
   std::array<std::uint32_t, 256> ones{};
   for (const std::uint32_t member : members) {
@@ -80,7 +80,7 @@ Clusters k_medians(std::span<const Descriptor> all, const Members& members, int 
 
 }  // namespace
 
-/// Grows the tree level by level, so that siblings lie side by side.
+/// Grows the tree breadth first, so that siblings are contiguous.
 class VocabularyTrainer {
  public:
   static Vocabulary train(std::span<const std::vector<Descriptor>> images,
@@ -140,7 +140,7 @@ class VocabularyTrainer {
     }
     for (Vocabulary::Node& node : v.nodes_) {
       if (node.children > 0) continue;
-      // One training image says nothing about frequency: all words weigh the same.
+      // A single training image has no document frequency, so all words weigh the same.
       node.weight = images.size() < 2
                         ? 1.0f
                         : static_cast<float>(portable::log(static_cast<double>(images.size()) /

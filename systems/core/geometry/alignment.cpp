@@ -7,7 +7,7 @@
 namespace slambed {
 namespace {
 
-/// Share of the largest singular value below which the second one means "all on one line".
+/// Points are collinear when the second singular value is below this share of the largest.
 constexpr double kRankTolerance = 1e-12;
 
 Eigen::Vector3d mean(std::span<const Eigen::Vector3d> points) {
@@ -34,7 +34,7 @@ std::optional<Sim3> umeyama(std::span<const Eigen::Vector3d> from,
                                               Eigen::ComputeFullU | Eigen::ComputeFullV);
   const Eigen::Vector3d& d = svd.singularValues();
   if (!(d(1) > kRankTolerance * d(0))) return std::nullopt;
-  // The best orthogonal matrix may be a reflection; then the weakest direction is turned over.
+  // The best orthogonal matrix may be a reflection. If so, flip the weakest direction.
   Eigen::Vector3d sign = Eigen::Vector3d::Ones();
   if (svd.matrixU().determinant() * svd.matrixV().determinant() < 0) sign.z() = -1;
   Sim3 T;

@@ -23,13 +23,13 @@ struct Sim3 {
   }
 };
 
-/// Least-squares rigid transform with p_to[i] ~ T * p_from[i] (Umeyama 1991). Nothing when there
-/// are fewer than three pairs, the numbers differ, a value is not finite or the points lie on one
-/// line.
+/// Returns the least-squares rigid transform with to[i] ~ T * from[i] (Umeyama 1991). Returns
+/// nothing for fewer than three pairs, spans of different size, a value that is not finite, or
+/// collinear points.
 std::optional<SE3> align_se3(std::span<const Eigen::Vector3d> from,
                              std::span<const Eigen::Vector3d> to);
 
-/// The same with scale.
+/// Like align_se3, but also estimates the scale.
 std::optional<Sim3> align_sim3(std::span<const Eigen::Vector3d> from,
                                std::span<const Eigen::Vector3d> to);
 

@@ -22,7 +22,7 @@ Eigen::Vector2d Camera::undistort(double u_raw, double v_raw) const {
     const double radial = 1 + r2 * (k1 + r2 * (k2 + r2 * k3));
     const double next_x = (x_raw - 2 * p1 * x * y - p2 * (r2 + 2 * x * x)) / radial;
     const double next_y = (y_raw - p1 * (r2 + 2 * y * y) - 2 * p2 * x * y) / radial;
-    // Outside the range where the model is invertible: keep the last sensible value.
+    // The model is not invertible here, so keep the last usable value.
     if (!(radial > 0) || !std::isfinite(next_x) || !std::isfinite(next_y)) break;
     const double change = std::max(std::abs(next_x - x), std::abs(next_y - y));
     x = next_x;
@@ -45,8 +45,7 @@ Eigen::Vector2d Camera::distort(double u, double v) const {
 ImageBounds undistorted_bounds(const Camera& camera) {
   ImageBounds bounds{0, 0, double(camera.width), double(camera.height)};
   if (!camera.distorted()) return bounds;
-  // The whole border, not only the corners: under pincushion distortion the edges bulge further
-  // out.
+  // Use the whole border, because under pincushion distortion the edges reach beyond the corners.
   const Eigen::Vector2d first = camera.undistort(0, 0);
   bounds = {first.x(), first.y(), first.x(), first.y()};
   const auto include = [&](double u, double v) {

@@ -24,7 +24,7 @@ struct Camera {
   }
   /// Maps a raw pixel to the ideal pinhole pixel with the same K (fixed-point iteration).
   Eigen::Vector2d undistort(double u_raw, double v_raw) const;
-  /// Its inverse: the raw pixel in which the lens shows an ideal one.
+  /// Inverse of undistort: maps an ideal pixel to the raw one.
   Eigen::Vector2d distort(double u, double v) const;
 };
 

@@ -7,7 +7,8 @@
 namespace slambed {
 namespace {
 
-/// Triangles thinner than this share of their longest side squared have no stable pose.
+/// A triangle has no stable pose when its doubled area is below this share of its longest side
+/// squared.
 constexpr double kMinRelativeArea = 1e-6;
 /// Imaginary parts up to this size come from double roots split by rounding.
 constexpr double kMaxImaginary = 1e-4;
@@ -38,7 +39,7 @@ std::vector<double> real_roots(const Quartic& c) {
   return roots;
 }
 
-/// Orthonormal frame of a triangle: first side, normal, and their product.
+/// Returns an orthonormal frame: x along the first side, z along the normal of the triangle.
 Eigen::Matrix3d triangle_frame(const std::array<Eigen::Vector3d, 3>& p) {
   Eigen::Matrix3d frame;
   frame.col(0) = (p[1] - p[0]).normalized();

@@ -30,7 +30,7 @@ int count_inliers(const Camera& camera, const SE3& T_cw, std::span<const PnpCorr
   return count;
 }
 
-/// Samples needed to draw four inliers once with the wanted confidence.
+/// Returns how many samples contain an all-inlier one with probability options.confidence.
 int samples_needed(double inlier_share, const PnpOptions& options) {
   const double all_good = portable::power(inlier_share, 4);
   if (all_good >= 1) return 1;

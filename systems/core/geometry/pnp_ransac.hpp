@@ -12,7 +12,7 @@
 
 namespace slambed {
 
-/// A map point and the pixel in which it is believed to be seen.
+/// A map point and its matched pixel.
 struct PnpCorrespondence {
   Eigen::Vector3d p_w;
   double u = 0, v = 0;
@@ -23,7 +23,7 @@ struct PnpOptions {
   int max_iterations = 300;
   int min_inliers = 10;
   double confidence = 0.99;
-  double chi2_limit = 5.991;  ///< two degrees of freedom, 5 %
+  double chi2_limit = 5.991;  ///< inlier threshold: two degrees of freedom, 5 %
   std::uint64_t seed = 1;
 };
 
@@ -33,9 +33,9 @@ struct PnpResult {
   int inliers = 0;
 };
 
-/// Pose of a camera from 2D-3D matches with outliers: three-point samples, the fourth point of each
-/// sample chooses among the solutions. The result is a sample's pose, to be refined by the caller.
-/// Nothing when no sample reaches min_inliers.
+/// Estimates a camera pose from 2D-3D matches with outliers (P3P in RANSAC). The fourth match of
+/// each sample selects among the P3P solutions. The pose comes from a minimal sample, so the caller
+/// should refine it. Returns nothing when no sample reaches min_inliers.
 std::optional<PnpResult> solve_pnp_ransac(const Camera& camera,
                                           std::span<const PnpCorrespondence> matches,
                                           const PnpOptions& options = {});

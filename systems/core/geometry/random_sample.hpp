@@ -9,7 +9,7 @@
 
 namespace slambed {
 
-/// N different numbers below count, which must be at least N.
+/// Returns N distinct numbers below count, which must be at least N.
 template <std::size_t N>
 std::array<std::size_t, N> draw_sample(SplitMix64& random, std::size_t count) {
   std::array<std::size_t, N> sample{};

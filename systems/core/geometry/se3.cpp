@@ -7,7 +7,7 @@
 namespace slambed {
 namespace {
 
-/// Below this angle (rad) the closed forms cancel and their Taylor series are exact to rounding.
+/// Below this angle (rad) the closed forms lose digits and the Taylor series are exact to rounding.
 constexpr double kSmallAngle = 1e-2;
 
 /// sin(a)/a, (1 - cos(a))/a^2 and (a - sin(a))/a^3.
@@ -40,8 +40,7 @@ SE3 SE3::exp(const Eigen::Matrix<double, 6, 1>& twist) {
 }
 
 Eigen::Matrix<double, 6, 1> SE3::log() const {
-  // By way of the quaternion: the half angle stays well conditioned near pi, where the trace does
-  // not.
+  // Uses the quaternion, whose half angle stays well conditioned near pi, unlike the trace.
   Eigen::Quaterniond q = quaternion().normalized();
   if (q.w() < 0) q.coeffs() = -q.coeffs();
   const double half_sine = q.vec().norm();

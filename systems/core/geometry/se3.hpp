@@ -25,7 +25,7 @@ struct SE3 {
 
   /// Exponential map of a twist (rho, phi): translation part first, then rotation vector (radians).
   static SE3 exp(const Eigen::Matrix<double, 6, 1>& twist);
-  /// Logarithm, inverse of exp; rotation angles in [0, pi].
+  /// Inverse of exp; rotation angles in [0, pi].
   Eigen::Matrix<double, 6, 1> log() const;
   /// Projects R back onto SO(3); call after long chains of products.
   SE3 normalized() const { return {quaternion(), t}; }

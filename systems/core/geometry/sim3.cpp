@@ -10,10 +10,10 @@
 namespace slambed {
 namespace {
 
-/// Below this size the closed forms cancel and the series are exact to rounding.
+/// Below this size the closed forms lose digits, and the series are exact to rounding.
 constexpr double kSmall = 1e-2;
 
-/// integral over s in [0, 1] of s^n exp(sigma s), by its power series in sigma.
+/// Returns the integral over s in [0, 1] of s^n exp(sigma s), from its power series in sigma.
 double moment(int n, double sigma) {
   double sum = 0, factor = 1;
   for (int k = 0; k < 12; ++k) {
@@ -23,14 +23,14 @@ double moment(int n, double sigma) {
   return sum;
 }
 
-/// W with t = W rho: the integral of exp(s (sigma I + [phi]x)) over s in [0, 1], as
+/// Returns W with t = W rho: the integral of exp(s (sigma I + [phi]x)) over s in [0, 1], written as
 /// c I + a [phi]x + b [phi]x^2.
 Eigen::Matrix3d translation_map(const Eigen::Vector3d& phi, double sigma) {
   const double angle = phi.norm(), angle2 = angle * angle;
   const double c = std::abs(sigma) < kSmall ? moment(0, sigma) : portable::expm1(sigma) / sigma;
   double a, b;
   if (angle < kSmall) {
-    // sin and cosine by their series, integrated term by term.
+    // Integrates the series of sine and cosine term by term.
     if (std::abs(sigma) < 1) {
       a = moment(1, sigma) - angle2 / 6 * (moment(3, sigma) - angle2 / 20 * moment(5, sigma));
       b = moment(2, sigma) / 2 - angle2 / 24 * (moment(4, sigma) - angle2 / 30 * moment(6, sigma));
@@ -57,7 +57,7 @@ Eigen::Matrix<double, 6, 1> rotation_only(const Eigen::Vector3d& phi) {
   return twist;
 }
 
-/// ad(x) y = [x, y].
+/// Returns the matrix of the Lie bracket: ad(x) y = [x, y].
 Matrix7 ad(const Vector7& x) {
   const Eigen::Matrix3d K = skew(x.segment<3>(3));
   Matrix7 m = Matrix7::Zero();
@@ -95,7 +95,7 @@ Matrix7 sim3_adjoint(const Sim3& S) {
 }
 
 Matrix7 sim3_left_jacobian_inverse(const Vector7& x) {
-  // sum of B_n / n! ad^n with Bernoulli's numbers; the odd ones beyond the first vanish.
+  // Sum of B_n / n! ad^n with the Bernoulli numbers B_n; the odd ones beyond the first are zero.
   static constexpr double kCoefficients[] = {
       1.0 / 12, -1.0 / 720, 1.0 / 30240, -1.0 / 1209600, 1.0 / 47900160, -691.0 / 1307674368000.0};
   const Matrix7 A = ad(x), A2 = A * A;

@@ -7,7 +7,7 @@
 namespace slambed {
 namespace {
 
-/// Homogeneous weight (of a unit 4-vector) below which a point counts as infinitely far.
+/// A point is at infinity when the last element of its homogeneous unit vector is below this.
 constexpr double kInfinity = 1e-12;
 
 Eigen::Matrix<double, 3, 4> projection(const SE3& T_cw) {

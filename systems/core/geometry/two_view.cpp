@@ -14,16 +14,16 @@
 namespace slambed {
 namespace {
 
-// Chi-square, 5 %, of a standard deviation of one pixel: a homography fixes two numbers of a match,
-// an epipolar line one. Both models score against the same limit, so that the scores compare.
+// Chi-square limits at 5 % for a standard deviation of one pixel: two degrees of freedom for a
+// homography, one for an epipolar line. Both scores use the same limit, so they are comparable.
 constexpr double kChi2Homography = 5.991, kChi2Line = 3.841, kScore = 5.991;
 constexpr std::size_t kSample = 8;
 constexpr int kMostRefits = 10;
-/// Reprojection error of a point worth counting: two standard deviations, squared.
+/// Largest squared reprojection error of a counted point: two standard deviations, squared.
 constexpr double kLimit_px2 = 4;
-/// Rays closer together than this (0.36 degrees) say nothing about depth.
+/// Rays with a smaller angle than this (0.36 degrees) do not constrain depth.
 constexpr double kParallelCosine = 0.99998;
-/// Points that must have the parallax: fifty (ORB-SLAM), and a quarter, because we match many more.
+/// Points that must have the parallax: fifty (ORB-SLAM) and a quarter, since we match many more.
 constexpr std::size_t kParallaxPoints = 50, kParallaxShare = 4;
 constexpr double kDegrees = 57.29577951308232;
 
@@ -34,7 +34,8 @@ struct Model {
   int inliers = 0;
 };
 
-/// Adds up how far each error stays below the limit. error: PairError of a pair.
+/// Scores a model: sums kScore minus the error over the errors below the limit, in both images.
+/// error: returns the PairError of a pair.
 template <typename Error>
 Model judged(const Eigen::Matrix3d& matrix, std::span<const PixelPair> pairs, double limit,
              Error error) {
@@ -60,7 +61,7 @@ Model judged_fundamental(const Eigen::Matrix3d& F, std::span<const PixelPair> pa
                 [&](const PixelPair& pair) { return fundamental_error(F, pair); });
 }
 
-/// Keeps the better of the best so far and the model of these pairs; true for the latter.
+/// Fits a model to `fitted` and replaces the best one if it scores higher; returns whether it did.
 template <typename Fit, typename Judge>
 bool improve(std::span<const PixelPair> fitted, std::span<const PixelPair> all, Fit fit,
              Judge judge, Model& best) {
@@ -72,7 +73,7 @@ bool improve(std::span<const PixelPair> fitted, std::span<const PixelPair> all, 
   return true;
 }
 
-/// Again and again from everything that fits: a sample of eight knows less.
+/// Refits the model to all its inliers until the score stops rising.
 template <typename Fit, typename Judge>
 void refit(std::span<const PixelPair> all, Fit fit, Judge judge, Model& best) {
   std::vector<PixelPair> fitting;
@@ -84,7 +85,7 @@ void refit(std::span<const PixelPair> all, Fit fit, Judge judge, Model& best) {
   }
 }
 
-/// Both models from the same samples.
+/// Fits both models from the same samples.
 struct Models {
   Models(std::span<const PixelPair> pairs, const TwoViewOptions& options) {
     SplitMix64 random(options.seed);
@@ -101,12 +102,12 @@ struct Models {
   Model homography, fundamental;
 };
 
-/// What a motion makes of the pairs.
+/// The points triangulated under one motion.
 struct Hypothesis {
   SE3 T_21;
   std::vector<Eigen::Vector3d> p_1;
   std::vector<std::uint8_t> good;
-  int points = 0;  ///< explained by the motion, those too far away to be placed included
+  int points = 0;  ///< consistent with the motion, including points without usable depth
   double parallax_deg = 0;
 };
 
@@ -134,7 +135,7 @@ Hypothesis try_motion(const Camera& camera, std::span<const PixelPair> pairs,
     const double cosine =
         p_1->dot(*p_1 - T_21.inverse().t) / (p_1->norm() * (*p_1 - T_21.inverse().t).norm());
     const bool near = cosine < kParallelCosine;
-    // What is too far away may come out on the wrong side.
+    // Noise can put a very distant point behind a camera, so check only points with parallax.
     if (near && (p_1->z() <= 0 || p_2.z() <= 0)) continue;
     if (!(squared_error(camera, *p_1, pairs[i].first) <= kLimit_px2) ||
         !(squared_error(camera, p_2, pairs[i].second) <= kLimit_px2))
@@ -159,7 +160,7 @@ Eigen::Matrix3d intrinsics(const Camera& camera) {
   return K;
 }
 
-/// The homography of normalized coordinates, with the sign that keeps things in front.
+/// Returns the homography of normalized coordinates, with the sign that keeps points in front.
 Eigen::Matrix3d calibrated(const Model& model, const Eigen::Matrix3d& K,
                            std::span<const PixelPair> pairs) {
   const Eigen::Matrix3d H = K.inverse() * model.matrix * K, K_inverse = K.inverse();

@@ -13,7 +13,7 @@ namespace {
 using Matrix9 = Eigen::Matrix<double, 9, 9>;
 using Vector9 = Eigen::Matrix<double, 9, 1>;
 
-/// Moves points to their mean and scales each axis to a mean distance of one.
+/// Moves the mean to the origin and scales each axis to a mean absolute deviation of one.
 struct Normalizer {
   Eigen::Vector2d mean = Eigen::Vector2d::Zero(), scale = Eigen::Vector2d::Ones();
 
@@ -36,8 +36,8 @@ struct Normalizer {
   }
 };
 
-/// Row by row, the unit vector that the quadratic form makes smallest; nothing when a second one is
-/// as good.
+/// Returns, as a row-major 3 x 3 matrix, the unit vector that minimizes the quadratic form. Returns
+/// nothing when the minimum is not unique.
 std::optional<Eigen::Matrix3d> smallest(const Matrix9& form) {
   const Eigen::SelfAdjointEigenSolver<Matrix9> solver(form);
   const auto& values = solver.eigenvalues();
@@ -119,7 +119,7 @@ PairError fundamental_error(const Eigen::Matrix3d& F, const PixelPair& pair) {
 }
 
 std::vector<SE3> homography_motions(const Eigen::Matrix3d& H_given) {
-  // The second singular value of R + t n^T / d is one.
+  // R + t n^T / d has a second singular value of one, which fixes the scale.
   const Eigen::JacobiSVD<Eigen::Matrix3d> svd(H_given, Eigen::ComputeFullV);
   const Eigen::Vector3d s = svd.singularValues() / svd.singularValues()(1);
   const Eigen::Matrix3d H = H_given / svd.singularValues()(1);
@@ -127,7 +127,7 @@ std::vector<SE3> homography_motions(const Eigen::Matrix3d& H_given) {
   if (!H.allFinite() || !(s(0) - s(2) > kLeastStretch)) return {};
   Eigen::Matrix3d V = svd.matrixV();
   if (V.determinant() < 0) V = -V;
-  // Two planes keep the lengths of all their vectors; each gives a turn and a normal.
+  // H preserves lengths in two planes. Each plane gives a rotation and a normal.
   const double a = std::sqrt(std::max(0.0, 1 - s(2) * s(2)));
   const double b = std::sqrt(std::max(0.0, s(0) * s(0) - 1));
   const double c = std::sqrt(s(0) * s(0) - s(2) * s(2));

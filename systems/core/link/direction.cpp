@@ -41,8 +41,8 @@ PacketOutcome DirectionModel::admit(std::int64_t now_ns, std::uint32_t bytes, La
     result.due_ns = own.last_due_ns = std::max(own.last_due_ns, now_ns);
     return result;
   }
-  // Drawn for every packet, dropped elsewhere or not: the n-th packet's luck depends on n
-  // (and, for bursts in time, on the time) alone.
+  // Drawn for every packet, even if it is dropped for another reason: the draws of the n-th packet
+  // depend only on n (and, with bursts in time, on the time).
   const bool lost = own.loss && own.loss->drop(t0_ns_ ? now_ns - *t0_ns_ : -1);
   const std::int64_t extra_ns = own.jitter ? own.jitter->draw(now_ns) : 0;
   if (lost) {

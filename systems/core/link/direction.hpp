@@ -12,7 +12,7 @@
 
 namespace slambed::link {
 
-/// What became of a packet; the numbers are written to the packet log.
+/// What happened to a packet. The numbers are written to the packet log.
 enum class Fate : std::uint8_t {
   kDelivered = 0,
   kLost = 1,
@@ -29,14 +29,14 @@ struct DirectionOptions {
   std::optional<LossOptions> loss;
   std::optional<RateOptions> rate;
   std::vector<Gap> gaps;
-  bool gap_drops = false;  ///< false: what would arrive in a gap waits for its end
+  bool gap_drops = false;  ///< false: packets that would arrive in a gap wait for its end
 };
 
 struct PacketOutcome {
   Fate fate = Fate::kDelivered;
-  std::int64_t due_ns = 0;       ///< when to hand it over, CLOCK_MONOTONIC
+  std::int64_t due_ns = 0;       ///< when to deliver it, CLOCK_MONOTONIC
   std::int64_t profile_ns = 0;   ///< the profile's part of the delay
-  std::int64_t queue_bytes = 0;  ///< waiting for the rate, before this packet
+  std::int64_t queue_bytes = 0;  ///< backlog of the bottleneck before this packet
 };
 
 /// One direction of the link as a pure model of its delay, jitter, bandwidth and packet loss:
@@ -46,18 +46,19 @@ class DirectionModel {
  public:
   DirectionModel(const DirectionOptions& options, std::uint64_t seed, std::uint64_t direction);
 
-  /// From now on the profile's value at time 0 holds; before, the link adds nothing.
+  /// Applies the profile's value at time 0 from now on. Before this call the link adds nothing.
   void apply_profile() { applied_ = true; }
-  /// Run time 0 on CLOCK_MONOTONIC.
+  /// Sets run time 0 on CLOCK_MONOTONIC.
   void start(std::int64_t t0_ns) {
     applied_ = true;
     t0_ns_ = t0_ns;
   }
 
-  /// The profile's delay at a run time, without jitter, rate and gaps.
+  /// Returns the profile's delay at a run time, without jitter, rate and gaps.
   std::int64_t profile_ns(std::int64_t run_time_ns) const { return schedule_.at(run_time_ns); }
 
-  /// A probe waits behind the queue like any packet, and neither fills it nor draws for others.
+  /// Decides when a packet arrives or why it is dropped. A probe waits behind the queue like any
+  /// packet, but takes no space in it and does not affect the draws for data packets.
   /// @param now_ns CLOCK_MONOTONIC, not decreasing
   PacketOutcome admit(std::int64_t now_ns, std::uint32_t bytes, Lane lane = Lane::kData);
 

@@ -15,7 +15,7 @@ using Json = nlohmann::json;
 constexpr double kNsPerMs = 1e6;
 constexpr double kNsPerUs = 1e3;
 constexpr double kShortestState_s = 1e-4, kLongestState_s = 1e6;
-constexpr double kLongestDelayUs = 60e6;  // one minute; longer is a mistake of unit
+constexpr double kLongestDelayUs = 60e6;  // one minute; more is probably a unit error
 
 JitterOptions read_jitter(const Section& section) {
   section.only(
@@ -63,7 +63,7 @@ RateOptions read_rate(const Section& section, int mtu) {
       last = time_ms;
       rate.opportunities_ns.push_back(time_ms * static_cast<std::int64_t>(kNsPerMs));
     }
-    // mahimahi: the trace repeats after its last time stamp.
+    // As in Mahimahi, the trace repeats after its last timestamp.
     rate.period_ns = last * static_cast<std::int64_t>(kNsPerMs);
     if (rate.period_ns == 0) section.fail("'opportunities_ms' ends at 0");
   }

@@ -10,8 +10,7 @@
 
 namespace slambed::link {
 
-/// One JSON object together with its place in the file, for errors that say where. The JSON must
-/// outlive it.
+/// A JSON object and its path in the file, for error messages. The JSON must outlive it.
 class Section {
  public:
   Section(const nlohmann::json& json, std::string where);
@@ -29,8 +28,8 @@ class Section {
   std::string where_;
 };
 
-/// One direction of a link: keys delay_us, jitter, loss, rate, gaps_s, gap_drops of its section;
-/// step_ms and interpolation of the root. What slambed.link compiles a profile to.
+/// Reads one direction of a link as slambed.link compiles it from a profile: delay_us, jitter,
+/// loss, rate, gaps_s and gap_drops from its section, step_ms and interpolation from the root.
 DirectionOptions read_direction(const Section& section, const Section& root, int mtu);
 
 }  // namespace slambed::link

@@ -13,7 +13,7 @@ LossModel::LossModel(const LossOptions& options, std::uint64_t seed, std::uint64
                      Lane lane)
     : options_(options),
       loss_(stream(seed, direction, Purpose::kLoss, lane)),
-      // Bursts in time are the medium's: the same for both lanes.
+      // Bursts in time belong to the medium, so both lanes have the same.
       state_(stream(seed, direction, Purpose::kLossState, options.in_time() ? Lane::kData : lane)) {
 }
 
@@ -63,7 +63,8 @@ std::int64_t JitterModel::draw(std::int64_t now_ns) {
   const double gaussian = next_gaussian(now_ns);
   double extra_ns = options_.scale_ns * gaussian;
   if (options_.shape == JitterShape::kPareto) {
-    // Lomax (Pareto shifted to start at 0) with the asked mean, through the Gaussian's upper tail.
+    // Maps the Gaussian's upper tail to a Lomax distribution (a Pareto shifted to start at 0) with
+    // the configured mean.
     const double tail = 0.5 * portable::erfc(gaussian / std::numbers::sqrt2);
     const double lomax_scale = options_.scale_ns * (options_.pareto_shape - 1.0);
     extra_ns = lomax_scale * (portable::pow(tail, -1.0 / options_.pareto_shape) - 1.0);

@@ -7,7 +7,7 @@
 namespace slambed::link {
 namespace {
 
-constexpr std::int64_t kOpportunityBytes = 1500;  // mahimahi, "one MTU-sized packet per line"
+constexpr std::int64_t kOpportunityBytes = 1500;  // Mahimahi: one MTU-sized packet per line
 
 }  // namespace
 
@@ -65,8 +65,8 @@ std::int64_t Bottleneck::opportunity(std::int64_t index) const {
 
 std::int64_t Bottleneck::depart_trace(std::int64_t now_ns, std::uint32_t bytes) {
   const std::int64_t trace_time_ns = now_ns - origin_ns_;
-  // An opportunity that finds nothing to send is lost, and so is the rest of one once the queue was
-  // empty.
+  // An opportunity with an empty queue is lost. So is the rest of an opportunity when the queue
+  // becomes empty.
   const auto count = static_cast<std::int64_t>(options_.opportunities_ns.size());
   if (opportunity(next_index_) < trace_time_ns) {
     const std::int64_t rounds = trace_time_ns / options_.period_ns;

@@ -21,7 +21,7 @@ std::int64_t DelaySchedule::at(std::int64_t run_time_ns) const {
   if (index + 1 >= delays_ns_.size()) return delays_ns_.back();
   const std::int64_t here = delays_ns_[index];
   if (interpolation_ == Interpolation::kStep) return here;
-  // Delays stay below 2^40 ns and a step below 2^30 ns: a double holds the product's precision.
+  // Delays are below 2^40 ns, so the error of the product in a double is far below 1 ns.
   const double share = static_cast<double>(run_time_ns % step_ns_) / static_cast<double>(step_ns_);
   return here +
          static_cast<std::int64_t>(share * static_cast<double>(delays_ns_[index + 1] - here));

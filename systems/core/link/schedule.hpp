@@ -8,14 +8,14 @@ namespace slambed::link {
 
 enum class Interpolation { kLinear, kStep };
 
-/// One-way delay as a function of run time: a table with a fixed step, compiled from the profile.
+/// One-way delay as a function of run time, in a table with a fixed step compiled from the profile.
 class DelaySchedule {
  public:
   /// @param delays_ns at run times 0, step, 2 step ...; at least one value
   DelaySchedule(std::vector<std::int64_t> delays_ns, std::int64_t step_ns,
                 Interpolation interpolation);
 
-  /// Delay at a run time. The first value holds before time 0, the last one after the table's end.
+  /// Returns the delay at a run time: the first value before 0, the last one after the table's end.
   std::int64_t at(std::int64_t run_time_ns) const;
 
  private:

@@ -7,12 +7,12 @@
 
 namespace slambed::link {
 
-/// Whose packets: those of the experiment, and the echoes of the harness's probe, which have draws
-/// and a share of the queue of their own, so that measuring the link does not change it.
+/// Packets of the experiment, or echo packets of the harness's probe. Probes have separate random
+/// draws and take no space in the queue, so that measuring the link does not change it.
 enum class Lane : std::uint8_t { kData = 0, kProbe = 1 };
 
-/// What a stream of random numbers is for. Each purpose has its own stream, so that switching one
-/// impairment on does not change the draws of another.
+/// What a stream of random numbers is used for. Each purpose has its own stream, so that enabling
+/// one impairment does not change the draws of another.
 enum class Purpose : std::uint64_t { kLoss = 1, kLossState = 2, kJitter = 3 };
 
 constexpr SplitMix64 stream(std::uint64_t seed, std::uint64_t direction, Purpose purpose,

@@ -9,7 +9,7 @@ namespace slambed {
 
 int DescriptorChooser::choose(std::span<const Descriptor* const> candidates) {
   const std::size_t n = candidates.size();
-  // One or two observations: both medians are the distance to itself, so the first one wins.
+  // The median of one or two distances is the one to itself, so the first candidate wins.
   if (n <= 2) return 0;
   row_.resize(n);
   const DistanceKernels& distance = descriptor_distance();
@@ -18,7 +18,7 @@ int DescriptorChooser::choose(std::span<const Descriptor* const> candidates) {
   int best_median = 257;
   for (std::size_t i = 0; i < n; ++i) {
     distance.to_each(*candidates[i], candidates, row_.data());
-    // The median is below the best one only if more than `middle` distances are: few rows need one.
+    // The median can only be better if more than `middle` distances are below the best one.
     std::uint16_t below = 0;
     for (const std::uint16_t d : row_)
       below = static_cast<std::uint16_t>(below + (d < best_median));
@@ -50,7 +50,7 @@ Appearance appearance_of(const Eigen::Vector3d& p_w, const SE3& T_cw, const Feat
 }
 
 int predict_octave(float max_distance_m, float distance_m, const ScalePyramid& pyramid) {
-  // The smallest octave whose scale reaches the ratio: the same as the ceiling of the logarithm.
+  // The smallest octave whose scale reaches the ratio equals the ceiling of the logarithm.
   const float ratio = max_distance_m / distance_m;
   int octave = 0;
   while (octave + 1 < pyramid.levels() && pyramid.scale[octave] < ratio) ++octave;

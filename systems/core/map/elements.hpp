@@ -12,19 +12,19 @@
 
 namespace slambed {
 
-/// Keyframe "keyframe" sees a point as its feature number "feature". What redundancy asks of that
-/// feature is kept beside it: looking it up among the keyframe's features would cost three loads
-/// from far apart for each observation.
+/// A keyframe sees a point as its feature number `feature`. Octave and weight are copied from it,
+/// because keyframe culling would otherwise need three scattered loads per observation.
 struct Observation {
   KeyFrameId keyframe;
   std::uint16_t feature = 0;
   std::uint8_t octave = 0;
-  /// As in MapPoint::weight. None: the keyframe lists the point and is no evidence for it
-  /// (NewKeyFrame::observes_known); neither covisibility nor appearance follows from it.
+  /// Contribution to MapPoint::weight. 0: the keyframe lists the point without observing it
+  /// (NewKeyFrame::observes_known), which adds nothing to covisibility or appearance.
   std::uint8_t weight = 0;
 };
 
-/// How a point looks; derived from its observations, carried along where those are not all known.
+/// Appearance of a point, derived from its observations. Deltas carry it, because the receiver may
+/// not know all observations.
 struct Appearance {
   Descriptor descriptor{};
   Eigen::Vector3f normal = Eigen::Vector3f::Zero();  ///< mean unit viewing direction
@@ -35,12 +35,12 @@ struct MapPoint {
   MapPointId id;
   Eigen::Vector3d p_w = Eigen::Vector3d::Zero();
   Appearance appearance;
-  KeyFrameId reference;  ///< its octave defines the distance range
+  KeyFrameId reference;  ///< the octave of its feature defines the distance range
   KeyFrameId first_keyframe;
   std::vector<Observation> observations;  ///< ordered by keyframe id
   /// Stereo/RGB-D observations count 2, monocular ones 1 (ORB-SLAM2's nObs).
   int weight = 0;
-  /// Observation counts: frames in which it should have been seen, and in which it was found
+  /// Number of frames in which the point should have been visible, and in which it was found
   /// (ORB-SLAM2's mnVisible and mnFound).
   std::uint32_t visible = 1, found = 1;
   std::uint32_t version = 0;  ///< of p_w
@@ -57,7 +57,7 @@ struct KeyFrame {
   double timestamp_s = 0;                      ///< sequence time
   std::shared_ptr<const FeatureSet> features;  ///< immutable
   SE3 T_cw;
-  std::vector<MapPointId> points;     ///< per feature; none where unmatched
+  std::vector<MapPointId> points;     ///< per feature; none when unmatched
   std::vector<Covisible> connected;   ///< every weight >= 1, ascending by id
   std::vector<Covisible> covisibles;  ///< weight >= 15 (or the best one), heaviest first
   KeyFrameId parent;                  ///< spanning tree

@@ -16,18 +16,19 @@
 
 namespace slambed {
 
-/// What a commit did, for events and tests.
+/// Counts of the edits of one commit, for events and tests.
 struct CommitReport {
   int applied = 0;  ///< edits that changed something
-  int stale = 0;    ///< older than what the map holds
-  int unknown = 0;  ///< named an element that is not (any longer) there
+  int stale = 0;    ///< not newer than what the map holds
+  int unknown = 0;  ///< named an element that does not exist (any more)
 };
 
-/// Which keyframes came and went: lets a follower catch up at the price of what changed.
+/// Log of added and culled keyframes, so that an index can follow the map incrementally.
 struct KeyFrameJournal {
-  /// Of a map between two clears: a follower that keeps it never takes another one for this.
+  /// Identifies the map between two clears. While a reader holds it, no other generation can have
+  /// the same address.
   std::shared_ptr<const std::byte> generation = std::make_shared<const std::byte>();
-  std::vector<KeyFrameId> changes;  ///< each coming and each going names the keyframe once more
+  std::vector<KeyFrameId> changes;  ///< one entry per addition and per culling
 };
 
 /// Read access to a consistent state; valid only inside Map::read.
@@ -36,33 +37,33 @@ class MapView {
   virtual ~MapView() = default;
   virtual const KeyFrame* keyframe(KeyFrameId id) const = 0;  ///< null: unknown or culled
   virtual const MapPoint* point(MapPointId id) const = 0;     ///< null: unknown, culled or fused
-  /// The point that a fused one became, itself when it lives, none when culled.
+  /// Returns the survivor of a fused point, the id itself for a live point, or none if culled.
   virtual MapPointId resolve(MapPointId id) const = 0;
-  /// Pose of a keyframe even after it was culled (through its parent), if it was ever known.
+  /// Returns T_cw of a keyframe, also after it was culled (through its parent), if it ever existed.
   virtual std::optional<SE3> pose_of(KeyFrameId id) const = 0;
   virtual std::vector<KeyFrameId> keyframe_ids() const = 0;  ///< ascending
   virtual std::vector<MapPointId> point_ids() const = 0;     ///< ascending
   virtual std::size_t keyframe_count() const = 0;
   virtual std::size_t point_count() const = 0;
-  /// The first keyframe, root of the spanning tree: the one that never moves. None in an empty map.
+  /// The first keyframe: root of the spanning tree, which never moves. None in an empty map.
   virtual KeyFrameId origin() const = 0;
-  /// The map's epoch (MapDelta::epoch): the highest one of any committed delta.
+  /// The highest MapDelta::epoch of any committed delta.
   virtual std::uint64_t epoch() const = 0;
-  /// Grows with every commit that changed more than observations: equal means nothing else has
-  /// changed.
+  /// Grows with every commit that changed more than observation counts. If it is equal, nothing
+  /// else has changed.
   virtual std::uint64_t revision() const = 0;
   virtual const KeyFrameJournal& keyframe_journal() const = 0;
 };
 
-/// Keyframes, points and covisibility. Changes only through commit(); readers run under a shared
-/// lock and copy what they need, whoever computes for long works on the copy. Corrections of
-/// the whole map (a loop, a jump) are computed while it is held.
+/// Keyframes, points and covisibility. They change only through commit(). Readers hold a shared
+/// lock, and long computations work on a copy. Only corrections of the whole map (a loop, a jump)
+/// are computed under the lock.
 ///
-/// What commit() derives, once per commit and only for elements that were touched: covisibility and
-/// its order, parents, weights, and of points whose observations or position changed the
-/// descriptor, normal and distance range. A point that came with an appearance keeps it until
-/// observations of it known here change; one without (max_distance_m 0) gets it from its
-/// observations. A point whose weight fell to two or less in a commit is culled.
+/// commit() updates derived state once per commit and only for touched elements: covisibility and
+/// its order, parents, weights, and the appearance of points whose observations or position
+/// changed. A point added with an appearance keeps it until its observations in this map change. A
+/// point added without one (max_distance_m 0) gets it from its observations. A point whose weight
+/// drops to two or less in a commit is culled.
 class Map {
  public:
   Map();
@@ -84,8 +85,8 @@ class Map {
  private:
   struct State;
   const MapView& view() const;
-  /// Held by a writer while it waits for readers to leave, so that a stream of readers cannot keep
-  /// it out. Taken before mutex_.
+  /// A writer holds it while it waits for mutex_, so that a stream of readers cannot starve it.
+  /// Locked before mutex_.
   mutable std::mutex entrance_;
   mutable std::shared_mutex mutex_;
   std::unique_ptr<State> state_;

@@ -16,10 +16,10 @@ struct NewKeyFrame {
   std::shared_ptr<const FeatureSet> features;
   SE3 T_cw;
   std::vector<MapPointId> points;  ///< per feature
-  KeyFrameId parent;               ///< none: chosen from covisibility
+  KeyFrameId parent;               ///< none: the map chooses it from covisibility
   std::uint32_t version = 0;
-  /// False: of the points that it lists only those that it made count it as an observation
-  /// (Edge-SLAM's mobile, whose mapper is elsewhere). Not sent: it concerns the map at hand.
+  /// False: only points that this keyframe created count it as an observation (the mobile node of
+  /// Edge-SLAM, whose mapper runs on the edge). Not serialized, because it concerns the local map.
   bool observes_known = true;
 };
 
@@ -29,7 +29,7 @@ struct KeyFramePose {
   std::uint32_t version = 0;
 };
 
-/// A whole point without its observations; those follow from keyframes and attachments.
+/// A point without its observations, which follow from keyframes and attachments.
 struct NewPoint {
   MapPointId id;
   Eigen::Vector3d p_w = Eigen::Vector3d::Zero();
@@ -55,21 +55,19 @@ struct PointFusion {
   MapPointId gone, survivor;
 };
 
-/// How often a point should have been seen and was found (ORB-SLAM2's mnVisible and mnFound), as
-/// absolute counters, so that applying them twice changes nothing.
+/// Number of frames in which a point should have been visible and was found (ORB-SLAM2's mnVisible
+/// and mnFound). Absolute counters, so that applying them twice changes nothing.
 struct PointObservationCounts {
   MapPointId id;
   std::uint32_t visible = 0, found = 0;
 };
 
-/// One change to a map: what a module hands on, what crosses the network, what a replay logs.
-/// Lists are applied in the order of declaration. Applying the same delta twice changes nothing; an
-/// old version never overwrites a newer one; edits of elements that are gone are ignored and
-/// counted.
+/// One change to a map, as modules pass it on, nodes send it and replays log it. Lists are applied
+/// in the order of declaration. Applying the same delta twice changes nothing. An old version never
+/// overwrites a newer one. Edits of elements that no longer exist are ignored and counted.
 struct MapDelta {
-  /// Generation of the map, that is of its coordinate frame. A correction of the whole map (a
-  /// closed loop) begins the next one; poses and positions that were computed in an older one are
-  /// stale.
+  /// Generation of the map's coordinate frame. A correction of the whole map (a closed loop) starts
+  /// the next one. Poses and positions computed in an older epoch are stale.
   std::uint64_t epoch = 0;
   std::vector<NewPoint> points;
   std::vector<NewKeyFrame> keyframes;

@@ -6,15 +6,15 @@
 namespace slambed {
 namespace {
 
-/// Covisibility edges weaker than this are listed only when there is no stronger one.
+/// A weaker covisibility edge is listed only if the keyframe has no stronger one.
 constexpr int kStrongCovisibility = 15;
-/// A point that lost an observation and keeps no more than one stereo or two mono ones is dropped.
+/// A point that lost an observation and keeps at most one stereo or two mono ones is culled.
 constexpr int kMinWeight = 2;
 
 }  // namespace
 
 void MapState::finish() {
-  // Indices, because culling a point touches others' keyframes but never adds points.
+  // Iterates by index. Culling a point touches keyframes but never adds touched points.
   for (std::size_t i = 0; i < touched_points_.size(); ++i) {
     const Touch touched = touched_points_[i];
     PointSlot& slot = *points_.find(touched.id);
@@ -62,7 +62,7 @@ void MapState::refresh_point(const Touch& touched) {
 }
 
 void MapState::refresh_covisibles(Node& keyframe) {
-  // Heaviest first; of equals the newest, which is likely the closest in time.
+  // Heaviest first. Among equals the newest goes first, because it is likely the closest in time.
   const auto heavier = [](const Covisible& a, const Covisible& b) {
     return a.weight != b.weight ? a.weight > b.weight : a.id > b.id;
   };

@@ -9,7 +9,7 @@ MapDelta snapshot(const MapView& map) {
   MapDelta delta;
   delta.epoch = map.epoch();
   std::vector<KeyFrameId> keyframes = map.keyframe_ids();
-  // The first keyframe of an empty map becomes its origin.
+  // The first keyframe committed to an empty map becomes its origin, so the origin goes first.
   const auto origin = std::find(keyframes.begin(), keyframes.end(), map.origin());
   if (origin != keyframes.end()) std::rotate(keyframes.begin(), origin, origin + 1);
   delta.keyframes.reserve(keyframes.size());

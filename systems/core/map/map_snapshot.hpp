@@ -5,8 +5,8 @@
 
 namespace slambed {
 
-/// A whole map as one delta: committed to an empty map it gives the same map again, but for the
-/// memory of what was culled and fused. The origin comes first, then everything in ascending order.
+/// Returns a whole map as one delta. Committed to an empty map, it gives the same map without the
+/// records of culled and fused elements. The origin comes first, then all others by ascending id.
 MapDelta snapshot(const MapView& map);
 
 }  // namespace slambed

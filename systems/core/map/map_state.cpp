@@ -13,7 +13,7 @@ Observation observation_of(const KeyFrame& keyframe, std::uint16_t feature) {
 }
 
 constexpr auto by_keyframe = [](const auto& item, KeyFrameId id) { return item.keyframe < id; };
-/// Whether an observation by a keyframe that lists the point is more than that.
+/// Returns whether the observation counts; the keyframe must list the point (Observation::weight).
 bool weighs(const KeyFrame& keyframe, const std::vector<Observation>& observations) {
   return std::lower_bound(observations.begin(), observations.end(), keyframe.id, by_keyframe)
              ->weight > 0;
@@ -31,7 +31,7 @@ const MapPoint* MapState::point(MapPointId id) const {
 }
 
 MapPointId MapState::resolve(MapPointId id) const {
-  // A survivor was alive when it was named, so chains lead forward in time and end.
+  // A survivor was alive when the point was fused, so chains go forward in time and end.
   while (id) {
     const PointSlot* slot = points_.find(id);
     if (!slot) return {};
@@ -174,7 +174,7 @@ Edit MapState::put(const NewKeyFrame& edit) {
   if (!edit.features || edit.points.size() != static_cast<std::size_t>(edit.features->size()))
     return Edit::kUnknown;
   if (Node* known = node(edit.id)) {
-    // Its observations are only taken once: later ones come as attachments.
+    // Only the first version adds observations; later ones arrive as attachments.
     if (edit.version == known->version) return Edit::kNothing;
     return move(KeyFramePose{edit.id, edit.T_cw, edit.version});
   }
@@ -195,7 +195,7 @@ Edit MapState::put(const NewKeyFrame& edit) {
   requested_parents_.push_back({edit.id, edit.parent});
   touch(keyframe);
   for (std::size_t feature = 0; feature < edit.points.size(); ++feature) {
-    // The sender may not know yet that a point was fused; two features can become the same point.
+    // The sender may not know of a fusion, so two features can resolve to the same point.
     const MapPointId id = resolve(edit.points[feature]);
     if (!id) continue;
     PointSlot& point = *points_.find(id);
@@ -215,7 +215,7 @@ Edit MapState::attach(const ObservationEdit& edit) {
     return Edit::kUnknown;
   if (keyframe->points[edit.feature] == edit.point && weighs(*keyframe, slot->live->observations))
     return Edit::kNothing;
-  // The pair replaces whatever either side had in this keyframe, so that a repeat ends the same.
+  // The pair replaces what either side had in this keyframe, so a repeat changes nothing.
   if (keyframe->points[edit.feature]) unlink(*keyframe, edit.feature);
   const auto& seen = slot->live->observations;
   const auto place = std::lower_bound(seen.begin(), seen.end(), edit.keyframe, by_keyframe);
@@ -284,7 +284,7 @@ Edit MapState::move(const KeyFramePose& edit) {
 Edit MapState::count(const PointObservationCounts& edit) {
   MapPoint* point = live_point(edit.id);
   if (!point) return Edit::kUnknown;
-  // Counters only grow: the larger value is the newer one.
+  // Counters only grow, so the larger value is the newer one.
   if (edit.visible <= point->visible && edit.found <= point->found) return Edit::kNothing;
   point->visible = std::max(point->visible, edit.visible);
   point->found = std::max(point->found, edit.found);

@@ -12,11 +12,10 @@
 
 namespace slambed {
 
-/// What an edit did to the map.
 enum class Edit { kApplied, kNothing, kStale, kUnknown };
 
-/// The map itself, without a lock: elements in dense slots, edits, and the state derived from them.
-/// Edits only note what they touched; finish() refreshes what follows from it, once per commit.
+/// The map without a lock: elements in dense slots, edits, and derived state. Edits only record
+/// what they touched; finish() updates the derived state once per commit.
 class MapState final : public MapView {
  public:
   const KeyFrame* keyframe(KeyFrameId id) const override;
@@ -42,7 +41,7 @@ class MapState final : public MapView {
   Edit count(const PointObservationCounts& edit);
   Edit cull(MapPointId id);
   Edit cull(KeyFrameId id);
-  /// Refreshes everything derived from what was touched since the last call.
+  /// Updates all state derived from elements touched since the last call.
   void finish();
   void set_epoch(std::uint64_t epoch) { epoch_ = epoch; }
   void set_revision(std::uint64_t revision) { revision_ = revision; }
@@ -54,10 +53,10 @@ class MapState final : public MapView {
       T_cw = pose;
       minus_center = pose.R.transpose() * pose.t;
     }
-    Eigen::Vector3d minus_center;  ///< of the camera, in the world; many points ask for it
-    bool touched = false;          ///< connected changed in this commit
+    Eigen::Vector3d minus_center;  ///< minus the camera center, world frame; cached for all points
+    bool touched = false;          ///< `connected` changed in this commit
   };
-  /// What stays of a culled keyframe: its pose relative to the parent it had, or to the world.
+  /// What remains of a culled keyframe: its pose relative to its parent, or to the world.
   struct Tombstone {
     KeyFrameId parent;
     SE3 T_cp;
@@ -69,8 +68,8 @@ class MapState final : public MapView {
   struct PointSlot {
     std::unique_ptr<MapPoint> live;
     MapPointId survivor;      ///< of a fused point
-    bool gone = false;        ///< was culled or fused
-    std::uint32_t touch = 0;  ///< 1 + place in touched_points_
+    bool gone = false;        ///< culled or fused
+    std::uint32_t touch = 0;  ///< 1 + index in touched_points_
   };
   struct Touch {
     MapPointId id;
@@ -84,7 +83,7 @@ class MapState final : public MapView {
   Touch& touch(PointSlot& slot, MapPointId id);
   void touch(Node& keyframe);
 
-  // Edits of one observation, both sides and the covisibility counts (map_state.cpp).
+  // Edits of one observation on both sides, with the covisibility counts (map_state.cpp).
   void link(Node& keyframe, std::uint16_t feature, PointSlot& slot, MapPointId id,
             bool counts = true);
   void unlink(Node& keyframe, std::uint16_t feature);
@@ -113,7 +112,7 @@ class MapState final : public MapView {
   struct ParentRequest {
     KeyFrameId child, parent;
   };
-  std::vector<ParentRequest> requested_parents_;  ///< of new keyframes, none: to be chosen
+  std::vector<ParentRequest> requested_parents_;  ///< of new keyframes; none: by covisibility
 
   DescriptorChooser chooser_;
   std::vector<const Descriptor*> seen_as_;

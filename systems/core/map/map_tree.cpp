@@ -6,7 +6,7 @@
 namespace slambed {
 
 std::optional<SE3> MapState::pose_of(KeyFrameId id) const {
-  // A parent was alive when its child was culled, so chains lead forward in time and end.
+  // A parent was alive when its child was culled, so chains go forward in time and end.
   SE3 T_ci;
   for (;;) {
     const KeyFrameSlot* slot = keyframes_.find(id);
@@ -42,7 +42,7 @@ void MapState::adopt_orphans() {
       set_parent(*child, parent->id);
   }
   requested_parents_.clear();
-  // Ids decide the order, not the history of edits that led here.
+  // Sort by id, so that the result does not depend on the order of earlier edits.
   std::sort(touched_keyframes_.begin(), touched_keyframes_.end());
   for (const KeyFrameId id : touched_keyframes_) {
     Node* child = node(id);
@@ -59,7 +59,7 @@ void MapState::hand_on_children(Node& gone) {
   std::vector<KeyFrameId> waiting = gone.children;
   std::vector<KeyFrameId> homes;
   if (gone.parent) homes.push_back(gone.parent);
-  // Repeatedly the child with the strongest link to the parent or to a child already placed.
+  // Repeatedly place the child with the strongest edge to the parent or to a placed child.
   while (!waiting.empty() && !homes.empty()) {
     KeyFrameId best_child, best_home;
     int best_weight = 0;
@@ -78,7 +78,7 @@ void MapState::hand_on_children(Node& gone) {
     std::erase(waiting, best_child);
   }
   if (waiting.empty()) return;
-  // The rest goes to the grandparent; children of a root follow the oldest of them.
+  // The rest goes to the grandparent. Under a root, the oldest child becomes their parent.
   KeyFrameId home = gone.parent;
   if (!home) {
     home = waiting.front();
@@ -112,7 +112,7 @@ Edit MapState::cull(KeyFrameId id) {
   if (origin_ == id) {
     origin_ = {};
     if (keyframe_count_ > 0) origin_ = keyframe_ids().front();
-    // The new root has no parent; what was above it hangs below it now.
+    // The new root must have no parent, so reverse the chain of parents above it.
     if (Node* root = node(origin_); root && root->parent) {
       KeyFrameId above = root->parent;
       KeyFrameId below = root->id;

@@ -8,9 +8,9 @@
 
 namespace slambed {
 
-/// Calls visit(view, id) for one id after the other, under the shared lock for so many at a time
-/// only: a writer, and all who would read behind it, wait for a part of the map and not for all of
-/// it. Between two parts the map may change: what an id names may be gone, or new.
+/// Calls visit(view, id) for each id and releases the shared lock between batches. A writer, and
+/// readers queued behind it, thus wait for one batch only. The map may change between batches, so
+/// an id may have become invalid.
 template <typename IdType, typename Visit>
 void read_in_parts(const Map& map, const std::vector<IdType>& ids, Visit visit) {
   constexpr std::size_t kPart = 256;

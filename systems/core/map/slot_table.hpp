@@ -10,9 +10,9 @@
 
 namespace slambed {
 
-/// Dense storage by id: the IdSpace byte selects a bank, the counter below it a slot. Look-ups cost
-/// two loads and iteration follows ascending ids, so nothing depends on hashes or addresses. Pages
-/// are allocated on demand, which keeps a stray large id cheap.
+/// Dense storage by id: the IdSpace byte selects a bank, the counter below it a slot. A lookup
+/// costs two loads. Iteration is by ascending id, so results do not depend on hashes or addresses.
+/// Pages are allocated on demand, which keeps a stray large id cheap.
 template <typename IdType, typename Slot>
 class SlotTable {
  public:
@@ -26,7 +26,7 @@ class SlotTable {
   }
   const Slot* find(IdType id) const { return const_cast<SlotTable*>(this)->find(id); }
 
-  /// The slot of an id, made when missing; null for an id no node of ours would give out.
+  /// Returns the slot of an id, created if missing, or null for an id that no node assigns.
   Slot* make(IdType id) {
     const auto [bank, index] = split(id);
     if (bank < 0 || index >= kMaxSlots) return nullptr;
@@ -56,7 +56,7 @@ class SlotTable {
  private:
   static constexpr unsigned kPageBits = 9;
   static constexpr std::size_t kPageSize = std::size_t{1} << kPageBits;
-  /// Beyond any real session; bounds what a corrupt id can make us allocate (4 MiB of pages).
+  /// Exceeds any real session. Limits what a corrupt id can allocate to 4 MiB of page pointers.
   static constexpr std::uint64_t kMaxSlots = std::uint64_t{1} << 28;
   static constexpr unsigned kSpaceShift = 56;
   using Page = std::array<Slot, kPageSize>;
@@ -65,7 +65,7 @@ class SlotTable {
     std::uint64_t index;
   };
 
-  /// Every IdSpace has a bank, anything else none.
+  /// Returns the bank of the IdSpace, -1 for any other space.
   static Place split(IdType id) {
     const std::uint64_t space = id.value >> kSpaceShift;
     const std::uint64_t index = id.value & ((std::uint64_t{1} << kSpaceShift) - 1);

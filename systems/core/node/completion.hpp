@@ -8,8 +8,8 @@
 
 namespace slambed {
 
-/// What a worker was asked for: whoever asked looks whether it is done, waits for it, or does
-/// neither. Must not outlive the worker's owner.
+/// Handle on a request to a worker: the caller may poll it, wait for it, or ignore it. Must not
+/// outlive the worker's owner.
 class Completion {
  public:
   using Test = std::function<bool()>;
@@ -23,7 +23,7 @@ class Completion {
   /// when the run stops.
   bool wait(Worker& worker, RunTime deadline = kNever) const {
     for (;;) {
-      const auto ticket = signal_->ticket();  // before the look: no notify in between is missed
+      const auto ticket = signal_->ticket();  // before the check, so no notify is missed
       if (done_()) return true;
       if (cannot_complete_() || worker.stopping() || worker.now() >= deadline) return false;
       worker.wait(*signal_, ticket, deadline);

@@ -5,7 +5,6 @@
 
 namespace slambed {
 
-/// Size of a map.
 struct MapCounts {
   std::size_t keyframes = 0, points = 0;
 };

@@ -13,7 +13,7 @@
 
 namespace slambed {
 
-/// What the greeting told this node of its peer. Thread-safe.
+/// What the greeting says about the peer. Thread-safe.
 class PeerInfo {
  public:
   static constexpr double kFpsUntilKnown = 30;
@@ -29,7 +29,7 @@ class PeerInfo {
     std::lock_guard lock(mutex_);
     return info_;
   }
-  /// Null until a mobile has connected; then it stays the same.
+  /// Null until a mobile has connected, then constant.
   std::shared_ptr<const Sensor> sensor() const {
     std::lock_guard lock(mutex_);
     return sensor_;
@@ -45,7 +45,7 @@ class PeerInfo {
   std::optional<wire::SensorInfo> info_;
 };
 
-/// The greeting of this node; what the peer shows goes into peer.
+/// Makes this node's greeting; checking the peer's greeting stores its sensor in peer.
 Greeting make_greeting(NodeRole role, const std::string& run_key, const std::string& system,
                        std::optional<wire::SensorInfo> sensor, PeerInfo& peer);
 
@@ -54,11 +54,11 @@ struct EdgeParts {
   Network& network;
   EventLog& log;
   const PeerInfo& peer;
-  PictureFeatures* pictures = nullptr;  ///< null: no picture comes
-  MaskSource* masks = nullptr;          ///< null: nothing segments them
+  PictureFeatures* pictures = nullptr;  ///< null: no pictures arrive
+  MaskSource* masks = nullptr;          ///< null: pictures are not segmented
 };
 
-/// The edge node: nothing but the system's policy and a way to end.
+/// The edge node runs the system's policy and lets it end the run.
 class EdgeNode {
  public:
   EdgeNode(EdgeParts parts, const System& system, const Parameters& parameters);
@@ -67,9 +67,9 @@ class EdgeNode {
   void start();
   std::shared_ptr<const Map> map() const { return policy_->map(); }
   MapCounts counts() const { return count(*map()); }
-  /// Why the run ended: "bye", "peer_lost"; empty while it goes on or was stopped from outside.
+  /// Why the run ended ("bye", "peer_lost"); empty while it runs or if it was stopped from outside.
   std::string end_reason() const;
-  /// After the runtime has joined.
+  /// Call it after the runtime has joined.
   void leave(const std::filesystem::path& folder) { policy_->leave(folder); }
 
   // What a policy may call.

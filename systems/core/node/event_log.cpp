@@ -11,13 +11,13 @@ EventLog::EventLog(const std::filesystem::path& path, NodeRole role, Open open,
       names_(names),
       file_(std::fopen(path.c_str(), open == Open::kAppend ? "a" : "w"), &std::fclose) {
   if (!file_) throw cannot_write(path);
-  if (open == Open::kAppend) pending_.push_back('\n');  // a killed one may leave half a line
+  if (open == Open::kAppend) pending_.push_back('\n');  // a killed process may leave half a line
 }
 
 EventLog::~EventLog() {
   try {
     flush();
-  } catch (const Error&) {  // said by whoever flushed before
+  } catch (const Error&) {  // reported by an earlier flush()
   }
 }
 
@@ -95,7 +95,7 @@ void EventLog::refused(std::uint8_t type, std::string_view why) {
 
 void EventLog::flush() {
   std::string text;
-  std::lock_guard file_lock(file_mutex_);  // before the swap: blocks stay in order
+  std::lock_guard file_lock(file_mutex_);  // before the swap, so blocks stay in order
   {
     std::lock_guard lock(mutex_);
     text.swap(pending_);

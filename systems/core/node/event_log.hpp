@@ -17,25 +17,26 @@
 
 namespace slambed {
 
-/// events.jsonl of one node (docs/formats.md, "Events"). Thread-safe; lines are kept in memory
-/// until flush(). Events that come before the run starts (connections) are held until its zero is
-/// known.
+/// events.jsonl of one node (docs/reference/events.md, "Events"). Thread-safe; lines are kept in
+/// memory until flush(). Events before the start of the run (connections) are buffered until its
+/// time zero is known.
 class EventLog final : public Observer {
  public:
   using Clock = std::function<RunTime()>;
 
   enum class Open { kAnew, kAppend };
-  /// Creates the file, or goes on behind what an earlier process of the same run left in it;
-  /// environment_error when that is refused.
+  /// Creates the file, or appends to what an earlier process of the same run left. Throws
+  /// environment_error if it cannot.
   EventLog(const std::filesystem::path& path, NodeRole role, Open open = Open::kAnew,
            const wire::MessageNames& names = wire::MessageNames());
   ~EventLog() override;
   EventLog(const EventLog&) = delete;
   EventLog& operator=(const EventLog&) = delete;
 
-  /// Stamps come from this clock; set before the first event.
+  /// Sets the clock for timestamps; call it before the first event.
   void set_clock(Clock clock);
-  /// Runs change(), which moves the clock's zero later by shift, and moves the held events along.
+  /// Runs change(), which moves the clock's zero later by shift, and shifts the buffered events
+  /// too.
   void start(Duration shift, const std::function<void()>& change);
 
   void write(const JsonLine& line);
@@ -43,11 +44,11 @@ class EventLog final : public Observer {
   void stage(const StageRecord& record) override;
   void message(const MessageRecord& record) override;
   void link(const ConnectionEvent& record) override;
-  /// Counts it, and writes a warning.
+  /// Counts the message and writes a warning.
   void refused(std::uint8_t type, std::string_view why) override;
   int refused() const { return refused_; }
 
-  /// environment_error when the disk refuses.
+  /// Throws environment_error if writing fails.
   void flush();
 
  private:

@@ -24,7 +24,7 @@ std::string_view need_name(KeyFrameNeed need, bool first) {
   return need == KeyFrameNeed::kUrgent ? "urgent" : "if_mapper_agrees";
 }
 
-/// Observations that the new keyframe shares with others: each was counted for covisibility.
+/// Counts the observations that the new keyframe shares with others, the work of covisibility.
 double shared_observations(const Map& map, const MapDelta& made) {
   return map.read([&](const MapView& view) {
     double shared = 0;
@@ -37,7 +37,7 @@ double shared_observations(const Map& map, const MapDelta& made) {
   });
 }
 
-/// How the pose was looked for, where that was more than one step of the motion model.
+/// Adds the matches of each search, unless the motion model alone gave the pose.
 void add_search(JsonLine& event, const TrackOutcome& outcome) {
   const PoseSearch& search = outcome.search;
   if (outcome.by_motion_model || (!search.motion_matches && !search.word_matches)) return;
@@ -131,7 +131,7 @@ MapDelta FrameTracking::create_keyframe(Worker& worker, const TrackedFrame& fram
     } else {
       poses_.created(keyframe.id, frame.outcome.reference, frame.outcome.T_cr, keyframe.T_cw);
     }
-    // The first of two that start a map is an earlier frame.
+    // The first of two keyframes that start a map comes from an earlier frame.
     log_.write(JsonLine("keyframe_created")
                    .add("frame", keyframe.frame_index)
                    .add("seq_s", keyframe.timestamp_s)

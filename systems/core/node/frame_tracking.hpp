@@ -20,33 +20,32 @@ struct TrackedFrame {
   bool lost_now = false;
 };
 
-/// What a system decides about each frame, on whichever node it is tracked.
+/// A system's decisions about each frame, on the node that tracks it.
 class TrackingPolicy {
  public:
   virtual ~TrackingPolicy() = default;
-  /// Between extraction and tracking: the features that tracking is to see. A policy may look at
-  /// the picture (MobileNode::picture), leave some out (select) or let tracking see none.
+  /// Called between extraction and tracking; returns the features to track. A policy may look at
+  /// the picture (MobileNode::picture), drop some features (select) or drop all.
   virtual std::shared_ptr<const FeatureSet> before_tracking(
       Worker&, const OfferedFrame&, std::shared_ptr<const FeatureSet> features) {
     return features;
   }
-  /// After each frame: whether to make a keyframe, and what becomes of it.
+  /// Called after each frame: decides whether to make a keyframe and what to do with it.
   virtual void after_frame(Worker& worker, const TrackedFrame& frame) = 0;
-  /// Of a frame in which a lost camera was found: with whose help ("local", "edge", "map"); empty:
-  /// the system does not tell.
+  /// What relocalized the frame ("local", "edge", "map"); empty: the system does not report it.
   virtual std::string_view relocalized_by(const TrackedFrame&) { return {}; }
 };
 
-/// The tracker's options for a sensor and a played rate: ORB-SLAM2's mMaxFrames is one second,
-/// unless they say otherwise.
+/// Adapts the tracker's options to a sensor and a played rate. Sets ORB-SLAM2's mMaxFrames to one
+/// second unless max_frames_is_a_second is off.
 TrackerOptions at_rate(TrackerOptions options, SensorKind sensor, double played_fps);
 
-/// Tracks frame after frame on the node that has them, and records what became of each: stages
-/// `extract`, `track` and `create_keyframe`, events `frame_tracked`, `track_lost`, `relocalized`,
-/// `initialized`, `reset` and `keyframe_created`. Belongs to one worker.
+/// Tracks frames on either node and logs the results: stages `extract`, `track` or `relocalize`,
+/// and `create_keyframe`; events `frame_tracked`, `track_lost`, `relocalized`, `initialized`,
+/// `reset` and `keyframe_created`. Belongs to one worker.
 class FrameTracking {
  public:
-  /// Within the stage `extract`; says how large the work was.
+  /// Runs in the stage `extract` and sets its units.
   using Extract = std::function<std::shared_ptr<const FeatureSet>(StageUnits&)>;
 
   FrameTracking(EventLog& log, const TrackerOptions& options, std::shared_ptr<Map> map,
@@ -67,7 +66,7 @@ class FrameTracking {
   EventLog& log_;
   Tracker tracker_;
   PoseBook poses_;
-  std::size_t next_place_ = 0;  ///< of the frame behind the last one tracked
+  std::size_t next_place_ = 0;  ///< of the frame after the last one tracked
 };
 
 }  // namespace slambed

@@ -9,7 +9,7 @@
 namespace slambed {
 namespace {
 
-/// Length of the UTF-8 sequence at the start of text, 0 when it is none.
+/// Length of the UTF-8 sequence at the start of text; 0 if invalid.
 std::size_t utf8_length(std::string_view text) {
   const auto byte = [&](std::size_t i) { return static_cast<unsigned char>(text[i]); };
   const unsigned char lead = byte(0);

@@ -13,7 +13,8 @@ namespace slambed {
 /// Text as a JSON string with its quotes; bytes that are not UTF-8 become U+FFFD.
 std::string json_quote(std::string_view text);
 
-/// One flat JSON object, built field by field without a tree: events are written at frame rate.
+/// One flat JSON object, built field by field without a tree because events are written at frame
+/// rate.
 class JsonLine {
  public:
   explicit JsonLine(std::string_view type);
@@ -23,15 +24,14 @@ class JsonLine {
     return add(key, std::string_view(value));
   }
   JsonLine& add(std::string_view key, bool value) { return raw(key, value ? "true" : "false"); }
-  /// Not finite becomes null: JSON has no other word for it.
+  /// A value that is not finite becomes null, as JSON cannot express it.
   JsonLine& add(std::string_view key, double value);
   template <std::integral T>
   JsonLine& add(std::string_view key, T value) {
     return raw(key, std::to_string(value));
   }
-  /// Milliseconds with three decimals: microseconds are as fine as anybody needs.
+  /// Milliseconds with three decimals.
   JsonLine& add_ms(std::string_view key, Duration value);
-  /// Nanoseconds.
   JsonLine& add_ns(std::string_view key, Duration value) { return add(key, value.count()); }
 
   /// The fields, from `"type":...` on, without the braces.

@@ -8,12 +8,12 @@
 namespace slambed {
 namespace {
 
-/// What mapping one keyframe works on.
+/// Size of the work on one keyframe.
 struct WindowSize {
   double covisibles = 0;  ///< keyframes that share points with it
   double shared = 0;      ///< observations shared with them
   double unmatched = 0;   ///< features without a point
-  double neighbors = 0;   ///< keyframes that are searched for them
+  double neighbors = 0;   ///< keyframes in which these are searched for
 };
 
 WindowSize window_size(const Map& map, KeyFrameId id, const LocalMapperOptions& options) {
@@ -30,7 +30,7 @@ WindowSize window_size(const Map& map, KeyFrameId id, const LocalMapperOptions& 
   });
 }
 
-/// Whatever was computed from where things were before the map was corrected.
+/// Removes everything that was computed from positions before a correction of the map.
 void leave_out_geometry(MapDelta& delta) {
   delta.poses.clear();
   delta.positions.clear();
@@ -114,15 +114,15 @@ Completion LocalMapping::drained() {
 void LocalMapping::park(bool parked) {
   parked_ = parked;
   queue_.signal().notify();
-  progressed_->notify();  // who waits for what is parked now need not
+  progressed_->notify();  // releases callers that wait for parked work
 }
 
 void LocalMapping::run(Worker& worker) {
   while (!worker.stopping()) {
     const auto ticket = queue_.signal().ticket();
-    // A change of map is taken also while parked; it is first in the queue.
+    // A change of map is handled even while parked; it is first in the queue.
     if ((!parked_ || leaving()) && queue_.size() > 0) {
-      busy_ = true;  // before the count falls: never idle in between
+      busy_ = true;  // before the count falls, so status() is never idle in between
       auto task = queue_.try_take();
       if (task && task->keyframe) {
         --waiting_;
@@ -131,7 +131,7 @@ void LocalMapping::run(Worker& worker) {
       }
       busy_ = false;
       if (task && task->map) adopt(std::move(*task));
-      progressed_->notify();  // also when a change of map has just emptied the queue
+      progressed_->notify();  // even if reset() has just emptied the queue
       continue;
     }
     worker.wait(queue_.signal(), ticket, hooks_.idle && !parked_ ? hooks_.idle(worker) : kNever);
@@ -178,7 +178,7 @@ void LocalMapping::map_keyframe(Worker& worker, KeyFrameId keyframe) {
     mapper_.insert(keyframe);
   });
   commit_stage(worker, "cull_points", size, [&] { return mapper_.cull_points(); });
-  // Every unmatched feature is looked for in each neighbor.
+  // Every unmatched feature is searched for in each neighbor.
   commit_stage(worker, "triangulate", {window.neighbors, window.neighbors * window.unmatched},
                [&] { return mapper_.triangulate(); });
   if (!interrupted()) commit_stage(worker, "fuse", size, [&] { return mapper_.fuse(); });
@@ -211,7 +211,7 @@ void LocalMapping::bundle(Worker& worker) {
     });
   };
   while (step()) {
-    if (interrupted()) break;  // finish_bundle knows what of it is worth keeping
+    if (interrupted()) break;  // finish_bundle() discards an unfinished robust stage
   }
   if (leaving()) return;
   const MapLock::Hold hold(hooks_.lock, worker, "mapping");

@@ -15,28 +15,27 @@
 
 namespace slambed {
 
-/// What others do on the mapping side, between two stages. Each may be left out.
+/// Optional callbacks on the mapping side, between two stages.
 struct MappingHooks {
-  /// Commits what must be in the map before the stages run; false: the keyframe is not to be mapped
-  /// after all.
+  /// Commits what the map needs before the stages run; false: the keyframe is not mapped.
   std::function<bool(Worker&, KeyFrameId)> prepare;
-  /// After a keyframe was mapped, before the next is begun.
+  /// Runs after a keyframe was mapped, before the next one.
   std::function<void(Worker&, KeyFrameId)> done;
-  /// When nothing waits, but not while parked; returns when it wants to be called again (kNever:
-  /// after the next keyframe).
+  /// Runs when the queue is empty and mapping is not parked. Returns the time of its next call
+  /// (kNever: after the next keyframe or wake()).
   std::function<RunTime(Worker&)> idle;
-  /// Whenever mapping goes on with a map, be it the same one, before the change is complete.
+  /// Runs whenever mapping switches to a map, even to the same one, before the change is complete.
   std::function<void()> changed;
-  /// Held while what a bundle has found is written back; null: nobody waits for that.
+  /// Held while the result of a bundle is committed; null: no lock.
   MapLock* lock = nullptr;
 };
 
-/// Runs the mapper's stages for one keyframe after the other (ORB-SLAM2's order): insert,
-/// cull_points, triangulate, fuse, bundle, cull_keyframes. A keyframe that waits cuts the later
-/// stages short, a running bundle between two iterations. Each stage's delta is committed when the
-/// stage is over.
+/// Runs the mapper's stages for each keyframe in ORB-SLAM2's order: insert, cull_points,
+/// triangulate, fuse, bundle, cull_keyframes. If another keyframe is waiting, the later stages are
+/// skipped and a running bundle stops after its iteration. Each stage's delta is committed when the
+/// stage ends.
 ///
-/// Either on a worker of its own (start) or, sequentially, inside submit().
+/// Runs on its own worker (start) or, in sequential mode, inside submit().
 class LocalMapping {
  public:
   enum class Mode { kWorker, kSequential };
@@ -45,42 +44,42 @@ class LocalMapping {
                std::shared_ptr<Map> map, IdSpace ids, Mode mode, MappingHooks hooks = {});
 
   void start(const std::string& worker_name = "mapping");
-  /// Queues a keyframe of the map gone on to last (sequential: maps it now). Complete when it was
-  /// mapped, or dropped by a change of map; cannot complete while parked.
+  /// Queues a keyframe of the map of the last reset() (sequential: maps it now). Complete when it
+  /// was mapped, or dropped by a reset; cannot complete while parked.
   Completion submit(Worker& worker, KeyFrameId keyframe);
-  /// Drops what waits, ends what runs and continues on another map (also while parked). Until that
-  /// is complete what runs goes on, on the old map.
+  /// Drops queued keyframes, interrupts the current one and continues on another map, even while
+  /// parked. Until that is complete the current keyframe still uses the old map.
   Completion reset(std::shared_ptr<Map> map);
-  /// Complete when nothing waits or runs; cannot complete while parked.
+  /// Complete when nothing is queued or running; cannot complete while parked.
   Completion drained();
   MapperStatus status() const;
-  /// A parked mapper finishes its keyframe and then leaves queue and map alone.
+  /// A parked mapper finishes its keyframe and then touches neither queue nor map.
   void park(bool parked);
-  /// On the mapping side: the mapper's points count on behind this one.
+  /// Gives later points of the mapper ids above this one. Call it on the mapping side.
   void skip(MapPointId used) { mapper_.skip(used); }
   bool parked() const { return parked_; }
-  /// A correction of the map, under a new epoch, and what bundles have to keep to from then on.
+  /// Returns a correction of the map, with a new epoch, and the limits of later bundles.
   using Correction = std::function<std::pair<MapDelta, BundleLimits>(const MapView&)>;
-  /// Commits what the function makes of the map as it is, from any worker but mapping's own;
-  /// mapping commits nothing in between. What a stage that runs computes on the map as it was loses
-  /// its poses and positions; bundles keep to the limits from the next keyframe on.
+  /// Computes and commits a correction while mapping commits nothing. Call it from any worker but
+  /// mapping's own. The delta of a stage in progress loses its poses, positions and new points.
+  /// Bundles keep to the limits from the next keyframe on.
   void correct(Map& map, const Correction& correction);
-  /// What whoever writes to the map behind mapping holds meanwhile; null: nothing.
+  /// The lock to hold while writing to the map on the mapping side; may be null.
   MapLock* lock() const { return hooks_.lock; }
-  /// Off while the map is being put right: no keyframe is asked for then.
+  /// False while the map is being corrected, so that no keyframes are made.
   void set_accepting(bool accepting) { accepting_ = accepting; }
-  /// Lets the mapping side come round to its hook `idle`. From any worker.
+  /// Wakes the mapping worker so that it runs the hook `idle`. Call it from any worker.
   void wake() { queue_.signal().notify(); }
-  /// Notified when a keyframe is done, the map is another or mapping is parked; whatever works
-  /// behind mapping notifies it too when it is done.
+  /// Notified when a keyframe is done, the map is replaced or mapping is parked. Work that follows
+  /// mapping also notifies it when done.
   Signal& progressed() { return *progressed_; }
 
  private:
   struct Task {
-    KeyFrameId keyframe;       ///< none: only go on to the map
-    std::shared_ptr<Map> map;  ///< null: the one at hand
+    KeyFrameId keyframe;       ///< none: only a change of map
+    std::shared_ptr<Map> map;  ///< null: no change of map
     int change = 0;            ///< number of the change of map
-    int submitted = 0;         ///< keyframes until then, this one included
+    int submitted = 0;         ///< keyframes up to and including this one
   };
 
   void run(Worker& worker);
@@ -106,9 +105,9 @@ class LocalMapping {
   Mailbox<Task> queue_;
   std::unique_ptr<Signal> progressed_;            ///< a keyframe is done, or a change of map
   std::atomic<int> waiting_{0};                   ///< keyframes in the queue
-  std::atomic<int> submitted_{0}, completed_{0};  ///< keyframes; completed: of the first so many
+  std::atomic<int> submitted_{0}, completed_{0};  ///< numbers of keyframes, in order of submission
   std::atomic<bool> busy_{false}, parked_{false}, accepting_{true};
-  std::atomic<int> changes_asked_{0}, changes_done_{0};  ///< of map
+  std::atomic<int> changes_asked_{0}, changes_done_{0};  ///< changes of map
 };
 
 }  // namespace slambed

@@ -46,7 +46,7 @@ void LoopClosing::close(Worker& worker) {
   };
   std::size_t fused = 0;
   bool closed = false;
-  // Deltas are computed where they are committed, so that nothing comes in between.
+  // Deltas are computed where they are committed, so that the map cannot change in between.
   const auto nothing = [&](StageUnits& units) {
     charge(units);
     return 0;

@@ -13,18 +13,18 @@
 
 namespace slambed {
 
-/// Closes loops behind a LocalMapping. Everything that changes the map happens on the mapping side,
-/// between two keyframes; the global bundle computes on a worker of its own and is committed there
-/// when it is done. While a loop is being closed no keyframe is accepted. A newer loop or a reset
-/// of the mapping makes a running bundle worthless: it stops at its next step.
+/// Closes loops after local mapping. All changes of the map happen on the mapping side, between two
+/// keyframes. The global bundle runs on its own worker, and its result is committed on the mapping
+/// side. No keyframe is accepted while a loop is being closed. A newer loop or a reset of the
+/// mapping cancels a running bundle at its next step.
 ///
-/// Whoever owns both lets LocalMapping's hooks call mapped(), idle() and map_changed().
+/// The owner must call mapped(), idle() and map_changed() from LocalMapping's hooks.
 class LoopClosing {
  public:
   /// Commits a change on the mapping side.
   using Commit = std::function<void(const MapDelta&)>;
 
-  /// commit: in place of Map::commit.
+  /// commit: replaces Map::commit if set.
   LoopClosing(Runtime& runtime, EventLog& log, LoopCloserOptions options, std::shared_ptr<Map> map,
               const std::shared_ptr<PlaceIndex>& places, LocalMapping& mapping,
               LocalMapping::Mode mode, Commit commit = {});
@@ -33,14 +33,14 @@ class LoopClosing {
   void start();
   /// On the mapping side, after a keyframe was mapped.
   void mapped(Worker& worker, KeyFrameId keyframe);
-  /// On the mapping side, when nothing waits: commits a bundle that is done.
+  /// On the mapping side, when the queue is empty: commits a finished bundle.
   void idle(Worker& worker);
-  /// On the mapping side, when it goes on with a map: what is under way is worth nothing.
+  /// On the mapping side, when the map changes: drops pending work.
   void map_changed();
   /// Complete when no bundle runs or waits to be committed; cannot complete while mapping is
-  /// parked. To be asked when mapping is drained: a keyframe that waits may close another loop.
+  /// parked. Call it once mapping is drained, because a queued keyframe may close another loop.
   Completion drained();
-  /// What is under way is worth nothing any more. From any worker.
+  /// Cancels a pending bundle. Call it from any worker.
   void cancel() { ++generation_; }
 
  private:
@@ -62,8 +62,8 @@ class LoopClosing {
   LocalMapping& mapping_;
   LocalMapping::Mode mode_;
   Commit commit_;
-  std::atomic<int> generation_{0};  ///< of the map as loops and resets left it
-  std::atomic<int> open_{0};        ///< bundles asked for and not yet committed or dropped
+  std::atomic<int> generation_{0};  ///< counts loops and resets
+  std::atomic<int> open_{0};        ///< bundles requested and not yet committed or dropped
   Mailbox<int> wanted_;             ///< generations to adjust
   Mailbox<Finished> finished_;
 };

@@ -11,21 +11,21 @@
 
 namespace slambed {
 
-/// bad_input when the map was made with another camera or pyramid than the one that is played.
+/// Throws bad_input if the map was made with another camera or pyramid than the played one.
 void require_same_rig(const wire::SensorInfo& stored, const wire::SensorInfo& played,
                       const std::filesystem::path& map);
 
-/// Maps that outlive a run: the one it starts from, the one it leaves (docs/formats.md, "Map
-/// file").
+/// Map files of a run: the one it starts from and the one it saves (docs/reference/sequence.md,
+/// "Map file").
 class MapKeeping {
  public:
   MapKeeping(const System& system, const Parameters& parameters, const PreparedSequence& sequence,
              const Playlist& playlist, const wire::SensorInfo& sensor);
 
-  /// The map asked for, its times counted from this run's time zero; null when none is.
-  /// bad_input for a file that is no whole map, or one made with another camera or pyramid.
+  /// Loads the requested map, with times relative to this run's time zero; null if none is
+  /// requested. Throws bad_input for a damaged or empty map, or one of another camera or pyramid.
   std::shared_ptr<Map> prior() const;
-  /// Leaves map.slm in the folder where that is asked for and there is anything to leave.
+  /// Writes map.slm into the folder if the system saves its map and the map is not empty.
   void save(const Map& map, const std::filesystem::path& folder) const;
 
  private:

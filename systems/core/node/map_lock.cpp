@@ -6,12 +6,12 @@ namespace slambed {
 void MapLock::acquire(Worker& worker, std::string_view who) {
   const RunTime begin = worker.now();
   while (!worker.stopping()) {
-    const auto ticket = released_->ticket();  // before the look: no release in between is missed
+    const auto ticket = released_->ticket();  // before the check, so no release is missed
     if (!held_.exchange(true)) break;
     worker.wait(*released_, ticket, kNever);
   }
   const Duration waited = worker.now() - begin;
-  // Live, an unhindered look takes some microseconds too.
+  // In a live run even a free lock takes a few microseconds.
   if (waited > std::chrono::microseconds(50))
     log_.write(JsonLine("map_wait").add("worker", who).add_ms("wait_ms", waited));
 }

@@ -10,19 +10,19 @@
 
 namespace slambed {
 
-/// ORB-SLAM2's mMutexMapUpdate as a model of its own: held by tracking for a whole frame behind
-/// extraction (Tracking.cc, Track), and by whoever writes an optimized map back (Optimizer.cc and
-/// LoopClosing.cc). Our maps need no such lock; who holds it only makes the others wait, as long as
-/// the stages in between take. Whoever had to wait is told in an event `map_wait`.
+/// Models ORB-SLAM2's mMutexMapUpdate. Tracking holds it for a whole frame after extraction
+/// (Tracking.cc, Track), and so does any worker that writes an optimized map back (Optimizer.cc and
+/// LoopClosing.cc). Our maps need no such lock; it only reproduces the waiting. Each wait is logged
+/// as an event `map_wait`.
 class MapLock {
  public:
   MapLock(Runtime& runtime, EventLog& log) : log_(log), released_(runtime.make_signal()) {}
 
-  /// Not fair, as the original is not. Without the lock once the run stops: then nobody minds.
+  /// Not fair, like the original. Returns without the lock once the run stops.
   void acquire(Worker& worker, std::string_view who);
   void release();
 
-  /// For the time of a scope; of no lock (null) nothing is held.
+  /// Holds the lock for a scope; does nothing if the lock is null.
   class Hold {
    public:
     Hold(MapLock* lock, Worker& worker, std::string_view who) : lock_(lock) {

@@ -16,28 +16,27 @@
 
 namespace slambed {
 
-/// Size of a message as a stage counts it.
+/// Size of a message as work units of a stage.
 inline double kilobytes(const Bytes& bytes) { return static_cast<double>(bytes.size()) / 1000; }
 
 inline bool is(const Message& message, wire::MessageType type) {
   return message.type == wire::type_of(type);
 }
 
-/// Sends a payload under a type; returns the message's sequence.
+/// Sends a payload with a type; returns the message's sequence number.
 inline std::uint64_t send(Channel& channel, wire::MessageType type, Bytes payload = {}) {
   return channel.send(wire::type_of(type), std::move(payload));
 }
-/// The same for messages of which there is one type.
+/// The same for a message class, which has one type.
 template <typename M>
 std::uint64_t send(Channel& channel, const M& message) {
   return send(channel, M::kType, encode(message));
 }
 
-/// The one place that refuses what cannot be read: counts it, and says what it was and why.
+/// Refuses a message that cannot be decoded: counts it and logs its type and the error.
 void refuse(Observer& observer, const Message& message, const wire::DecodeError& error);
 
-/// What decode(payload) makes of a message; nothing where that throws DecodeError: then it was
-/// refused.
+/// Returns decode(payload), or nothing after refusing the message if that throws DecodeError.
 template <typename Decode>
 auto read(Observer& observer, const Message& message, Decode&& decode)
     -> std::optional<std::invoke_result_t<Decode, const Bytes&>> {
@@ -59,18 +58,18 @@ auto read(Worker& worker, std::string_view stage, Observer& observer, const Mess
   });
 }
 
-/// Hands each message of a channel to whom it is for.
+/// Dispatches a channel's messages to handlers by type.
 class Inbox {
  public:
   explicit Inbox(Observer& observer) : observer_(observer) {}
 
-  /// handle(Message&): as it came, and may be moved from.
+  /// Calls handle(Message&) with the raw message, which it may move from.
   template <typename Handle>
   Inbox& on(wire::MessageType type, Handle handle) {
     handlers_[wire::type_of(type)] = std::move(handle);
     return *this;
   }
-  /// handle(M, message) of what decode(payload) made of it.
+  /// Calls handle(decoded, message) with the result of decode(payload).
   template <typename M, typename Decode, typename Handle>
   Inbox& on(Decode decode, Handle handle) {
     return on(M::kType,
@@ -79,7 +78,7 @@ class Inbox {
                   handle(*read_well, message);
               });
   }
-  /// False for a type that nobody asked for.
+  /// False for a type without a handler.
   bool dispatch(Message message) const {
     const auto handler = handlers_.find(message.type);
     if (handler == handlers_.end()) return false;

@@ -11,7 +11,7 @@ namespace {
 
 constexpr Duration kFlushEvery = std::chrono::seconds(1);
 
-/// Pixels of the first so many octaves, in pictures.
+/// Pixels of the first `levels` octaves, in full images.
 double pixels_of(const ScalePyramid& pyramid, int levels) {
   double pixels = 0;
   for (int level = 0; level < std::min(levels, pyramid.levels()); ++level)
@@ -36,7 +36,7 @@ MobileNode::MobileNode(MobileParts parts, const System& system, const Parameters
   places_ = std::make_shared<PlaceIndex>(default_vocabulary());
   const auto map = parts_.prior_map ? parts_.prior_map : std::make_shared<Map>();
   if (parts_.prior_map) {
-    options.reset_below_keyframes = 0;  // what somebody gave us is never thrown away
+    options.reset_below_keyframes = 0;  // a given map is never discarded
   }
   tracking_ = std::make_unique<FrameTracking>(parts_.log, options, map, places_);
   if (parts_.prior_map) {

@@ -14,7 +14,7 @@
 
 namespace slambed {
 
-/// What the mobile node works with; all of it outlives the node.
+/// What the mobile node works with; all of it must outlive the node.
 struct MobileParts {
   Runtime& runtime;
   Network* network;  ///< null for a system without an edge
@@ -27,14 +27,14 @@ struct MobileParts {
   bool stop_at_first_loss = false;              ///< playback ends with the first track loss
   std::span<const std::int64_t> timestamps_ns;  ///< of the whole sequence
   std::int64_t time_origin_ns = 0;
-  /// A map made before: tracking starts lost in it. Null: tracking makes the first keyframe.
+  /// Map to start from: tracking starts lost in it. Null: tracking makes the first keyframe.
   std::shared_ptr<Map> prior_map{};
   std::optional<RttTable> profile_rtt{};
-  ImageSource* images = nullptr;  ///< null: no picture goes to the edge
+  ImageSource* images = nullptr;  ///< null: no pictures go to the edge
 };
 
-/// The mobile node: tracks what playback offers and lets the system's policy decide the rest. The
-/// same code runs live and in virtual time.
+/// The mobile node tracks the played frames and leaves the rest to the system's policy. The same
+/// code runs live and in virtual time.
 class MobileNode {
  public:
   MobileNode(MobileParts parts, const System& system, const Parameters& parameters);
@@ -42,7 +42,7 @@ class MobileNode {
 
   /// Spawns the workers. The run stops by itself after the last frame.
   void start();
-  /// After the runtime has joined: trajectory.txt and trajectory_live.txt.
+  /// Writes trajectory.txt and trajectory_live.txt. Call it after the runtime has joined.
   void write_trajectories(const std::filesystem::path& folder);
   bool finished() const { return finished_; }  ///< played to the end
   MapCounts counts() const { return policy_->counts(); }
@@ -53,21 +53,19 @@ class MobileNode {
   EventLog& log() { return parts_.log; }
   FrameTracking& tracking() { return *tracking_; }
   Tracker& tracker() { return tracking_->tracker(); }
-  /// Which keyframes look alike; tracking finds lost frames with it.
+  /// Index of similar keyframes, which tracking also uses to relocalize.
   std::shared_ptr<PlaceIndex> places() const { return places_; }
-  /// The images that a frame's features come from; they last as long as the node. Nothing where
-  /// features come from elsewhere.
+  /// Images of the frame, valid as long as the node; nothing if its features come from elsewhere.
   std::optional<PreparedSequence::Frame> picture(const OfferedFrame& frame) const {
     if (parts_.sequence == nullptr) return std::nullopt;
     return parts_.sequence->frame(frame.played.index);
   }
-  /// The pictures that go to the edge; for systems that have a jpeg_quality.
+  /// Pictures for the edge; only for systems with a jpeg_quality.
   ImageSource& images() { return *parts_.images; }
-  /// Features of the frames to come are extracted from so many octaves; for systems with
-  /// orb_levels.
+  /// Extracts features of later frames from this many octaves; only for systems with orb_levels.
   void use_levels(int levels);
   double played_fps() const { return parts_.played_fps; }
-  /// What the link's profile asks for; nothing where the run does not tell.
+  /// RTT of the link profile; nothing if run.json has none.
   const std::optional<RttTable>& profile_rtt() const { return parts_.profile_rtt; }
   std::shared_ptr<const Sensor> sensor() const { return parts_.features.sensor(); }
   /// See FrameTracking::create_keyframe.
@@ -75,16 +73,16 @@ class MobileNode {
                            bool becomes_reference) {
     return tracking_->create_keyframe(worker, frame, need, becomes_reference);
   }
-  /// Lets tracking go on with another map; see Tracker::replace_map.
+  /// See Tracker::replace_map.
   void replace_map(std::shared_ptr<Map> map, std::span<const KeyFrameId> provisional = {});
   PoseBook& poses() { return tracking_->poses(); }
-  /// What came back of a frame that was tracked on the other node. From one worker, in the order of
-  /// frames.
+  /// Takes the result of a frame that the other node tracked. Call it from one worker, in frame
+  /// order.
   void tracked_elsewhere(std::uint64_t frame, const TrackOutcome& outcome);
 
  private:
   void track(Worker& worker);
-  /// Returns whether the camera was lost in it.
+  /// Returns true if tracking was lost in this frame.
   bool track_frame(Worker& worker, const OfferedFrame& offered);
   void log_pose(std::uint64_t frame, const TrackOutcome& outcome);
 
@@ -94,7 +92,7 @@ class MobileNode {
   std::unique_ptr<MobilePolicy> policy_;
   PoseLog pose_log_;
   std::atomic<bool> lost_elsewhere_{false};
-  double pyramid_pixels_ = 0;  ///< of a frame's octaves, in pictures
+  double pyramid_pixels_ = 0;  ///< of a frame's octaves, in full images
   TrackingState elsewhere_ = TrackingState::kNotInitialized;
   bool finished_ = false;
 };

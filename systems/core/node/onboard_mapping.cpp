@@ -43,7 +43,7 @@ OnboardMapping::Spent OnboardMapping::after_frame(Worker& worker, FrameTracking&
                                                   const TrackedFrame& frame) {
   if (frame.outcome.reset_now) {
     mapping_.reset(map_).wait(worker);
-    map_->clear();  // of what the mapper committed before it heard of the reset
+    map_->clear();  // removes what the mapper committed before the reset
   }
   Tracker& tracker = tracking.tracker();
   if (frame.outcome.state != TrackingState::kOk || !tracker.wants_keyframe(mapping_.status()))

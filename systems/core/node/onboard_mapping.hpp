@@ -15,11 +15,11 @@ struct OnboardMappingOptions {
   MapLock* lock = nullptr;  ///< see MappingHooks::lock
 };
 
-/// ORB-SLAM2's mapping behind tracking on the same node, be it the mobile or the edge: keyframes by
-/// its rule, local mapping, loop closing.
+/// ORB-SLAM2's mapping on the node that tracks, mobile or edge: keyframes by its rule, local
+/// mapping, loop closing.
 class OnboardMapping {
  public:
-  /// What mapping a frame's keyframe took; both zero where nothing was made, or mapping has a
+  /// Time spent on mapping a frame's keyframe; zero without a keyframe or if mapping has its own
   /// worker.
   struct Spent {
     Duration local_mapping{}, loop_closing{};
@@ -29,11 +29,11 @@ class OnboardMapping {
                  const std::shared_ptr<PlaceIndex>& places, OnboardMappingOptions options);
 
   void start();
-  /// On the tracking side: the keyframe decision, and what a reset takes with it.
+  /// On the tracking side: decides about a keyframe, and resets mapping after a tracking reset.
   Spent after_frame(Worker& worker, FrameTracking& tracking, const TrackedFrame& frame);
   void drain(Worker& worker);
-  /// Enters where the book's keyframes are, also those that were culled: the map knows them through
-  /// their parents.
+  /// Enters the map's poses of the book's keyframes, including culled ones, which the map knows
+  /// through their parents.
   void place(PoseBook& book) const;
 
  private:
@@ -41,7 +41,7 @@ class OnboardMapping {
 
   LocalMapping::Mode mode_;
   std::shared_ptr<Map> map_;
-  Duration loops_spent_{};  ///< sequential mode: on loops, in the keyframe at hand
+  Duration loops_spent_{};  ///< sequential mode: on loops, for the current keyframe
   LocalMapping mapping_;
   std::optional<LoopClosing> loops_;
 };

@@ -7,14 +7,14 @@
 
 namespace slambed {
 
-/// A parameter as the code takes it. Defaults, sources and explanations live in system.yaml;
-/// run.json carries every value, so that no node has a hidden default.
+/// Type and range of a parameter. Defaults, sources and explanations live in system.yaml; run.json
+/// carries every value, so that no node has a hidden default.
 struct ParameterSpec {
   enum class Type { kInt, kFloat, kBool, kText, kPath };
   std::string name;
   Type type = Type::kInt;
-  double min = 0, max = 0;           ///< numbers; both ends allowed
-  std::vector<std::string> choices;  ///< texts
+  double min = 0, max = 0;           ///< of numbers, inclusive
+  std::vector<std::string> choices;  ///< of texts
 
   static ParameterSpec integer(std::string name, double min, double max);
   static ParameterSpec real(std::string name, double min, double max);
@@ -26,7 +26,8 @@ struct ParameterSpec {
 /// The checked values of one run.
 class Parameters {
  public:
-  /// bad_input naming the parameter that is missing, unknown, of another type or out of range.
+  /// Throws bad_input, naming the parameter, if one is missing, unknown, of another type or out of
+  /// range.
   Parameters(const nlohmann::json& values, const std::vector<ParameterSpec>& specs,
              const std::string& where);
 
@@ -41,7 +42,7 @@ class Parameters {
   nlohmann::json values_;
 };
 
-/// The list as JSON, for `slambed-node --describe` and the test that holds system.yaml to it.
+/// The list as JSON, for `slambed-node --describe` and the test that compares it with system.yaml.
 nlohmann::json describe(const std::vector<ParameterSpec>& specs);
 
 }  // namespace slambed

@@ -54,7 +54,7 @@ void RealtimeFeed::play(Worker& worker) {
 std::optional<OfferedFrame> RealtimeFeed::next(Worker& worker) {
   for (;;) {
     const auto ticket = box_.signal().ticket();
-    const bool over = over_;  // before the look: what was put earlier is seen
+    const bool over = over_;  // before try_take(), so the last frame is not missed
     if (worker.stopping()) return std::nullopt;
     if (auto frame = box_.try_take()) {
       frame->dequeued = worker.now();

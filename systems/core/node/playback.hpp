@@ -24,8 +24,7 @@ struct PlaybackConfig {
   bool stop_at_first_loss = false;
 };
 
-/// One frame to play. due: sequence time, counted from the first played frame, which is run time
-/// zero.
+/// One frame to play. due is its sequence time from the first played frame, which is run time zero.
 struct PlayedFrame {
   std::uint64_t index = 0;  ///< in the prepared sequence
   RunTime due{};
@@ -36,8 +35,8 @@ struct PlayedFrame {
 /// Which frames are played and when.
 class Playlist {
  public:
-  /// Asked fps below the recorded one keeps every k-th frame, k = recorded / asked, rounded.
-  /// bad_input when no frame is left.
+  /// If fps is below the recorded rate, keeps every k-th frame, k = recorded / fps, rounded. Throws
+  /// bad_input if no frame is left.
   Playlist(std::span<const std::int64_t> timestamps_ns, double recorded_fps,
            const PlaybackConfig& playback);
 
@@ -49,7 +48,7 @@ class Playlist {
   double played_fps_ = 0;
 };
 
-/// A frame as tracking takes it.
+/// A frame as the tracking worker gets it.
 struct OfferedFrame {
   PlayedFrame played;
   RunTime offered{};
@@ -60,15 +59,15 @@ struct OfferedFrame {
 class FrameFeed {
  public:
   virtual ~FrameFeed() = default;
-  /// Starts what the feed needs beside the tracking worker.
+  /// Starts the feed's own worker, if any.
   virtual void start() = 0;
-  /// The next frame, waiting for it; nothing when playback is over or the run stops.
+  /// Waits for the next frame; nothing when playback is over or the run stops.
   virtual std::optional<OfferedFrame> next(Worker& worker) = 0;
   /// Frames offered so far, taken or not.
   virtual std::size_t offered() const = 0;
 };
 
-/// As a camera would: each frame comes at its time; one that waits is replaced by a newer one.
+/// Offers each frame at its time, like a camera; a newer frame replaces one that still waits.
 class RealtimeFeed final : public FrameFeed {
  public:
   RealtimeFeed(Runtime& runtime, const Playlist& playlist, EventLog& log);
@@ -87,7 +86,7 @@ class RealtimeFeed final : public FrameFeed {
   std::atomic<bool> over_{false};
 };
 
-/// Waits for tracking: the next frame is offered when the last is done; paced: not before its time.
+/// Offers the next frame when the last one is done; paced: not before its time.
 class EveryFrameFeed final : public FrameFeed {
  public:
   EveryFrameFeed(const Playlist& playlist, bool paced) : playlist_(playlist), paced_(paced) {}

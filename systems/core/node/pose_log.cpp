@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "node/pose_log.hpp"
 
+#include <cstdlib>
+
 #include "base/files.hpp"
 #include "map/map.hpp"
 
@@ -18,9 +20,10 @@ class TumFile {
     Eigen::Quaterniond q = T_wc.quaternion();
     if (q.w() < 0) q.coeffs() = -q.coeffs();
     constexpr std::int64_t kSecond = 1'000'000'000;
-    file_.print("%lld.%09lld %.9f %.9f %.9f %.9f %.9f %.9f %.9f\n",
-                static_cast<long long>(ns / kSecond), static_cast<long long>(ns % kSecond),
-                T_wc.t.x(), T_wc.t.y(), T_wc.t.z(), q.x(), q.y(), q.z(), q.w());
+    file_.print("%s%lld.%09lld %.9f %.9f %.9f %.9f %.9f %.9f %.9f\n", ns < 0 ? "-" : "",
+                std::abs(static_cast<long long>(ns / kSecond)),
+                std::abs(static_cast<long long>(ns % kSecond)), T_wc.t.x(), T_wc.t.y(), T_wc.t.z(),
+                q.x(), q.y(), q.z(), q.w());
   }
 
   void close() { file_.close(); }
@@ -57,7 +60,7 @@ std::vector<KeyFrameId> PoseBook::keyframes() const {
 }
 
 std::optional<SE3> PoseBook::pose(KeyFrameId keyframe) const {
-  // Down the chain of keyframes that were only created, to one that was placed or was the first.
+  // Follows the references up to a keyframe that was placed or has no reference in the book.
   SE3 T_ck;
   for (;;) {
     const auto found = entries_.find(keyframe);

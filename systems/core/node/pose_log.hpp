@@ -15,15 +15,14 @@ namespace slambed {
 
 class Map;
 
-/// What is known of where keyframes are, also of those that are no longer in any map here. A
-/// keyframe that nobody placed since its creation stays where it was relative to the keyframe that
-/// the camera was tracked against then.
+/// The latest known poses of keyframes, including those that are no longer in a map here. A
+/// keyframe that was never placed keeps its pose relative to its reference at creation.
 class PoseBook {
  public:
   void created(KeyFrameId keyframe, KeyFrameId reference, const SE3& T_cr, const SE3& T_cw);
-  /// A pose that a map holds now; newer knowledge replaces older.
+  /// Sets a pose that a map has now; it replaces older ones.
   void placed(KeyFrameId keyframe, const SE3& T_cw);
-  /// Every keyframe that is in the book and that the map knows of.
+  /// Places every keyframe of the book that the map knows.
   void placed_in(const Map& map);
   std::optional<SE3> pose(KeyFrameId keyframe) const;
   std::vector<KeyFrameId> keyframes() const;  ///< ascending
@@ -43,13 +42,13 @@ class PoseBook {
 class PoseLog {
  public:
   void add(std::int64_t recorded_ns, const SE3& T_cw, KeyFrameId reference, const SE3& T_cr);
-  /// The map starts again: as ORB-SLAM2's, the trajectory does too.
+  /// After a map reset the trajectory starts again, as in ORB-SLAM2.
   void clear() { poses_.clear(); }
   std::size_t size() const { return poses_.size(); }
 
-  /// TUM format, recorded time, camera to world: as it was when each frame was tracked.
+  /// Writes TUM format (recorded time, camera to world) with each pose at tracking time.
   void write_live(const std::filesystem::path& path) const;
-  /// Likewise, through the keyframes' poses in the book.
+  /// The same with poses relative to the book's keyframe poses.
   void write_final(const std::filesystem::path& path, const PoseBook& book) const;
 
  private:

@@ -12,7 +12,7 @@ OrbOptions orb_options(const Parameters& parameters) {
 }
 
 TrackerOptions tracker_options(const Parameters& parameters, TrackerOptions options) {
-  // ORB-SLAM2 begins with 500 features; so few of them can be asked for that no frame has as many.
+  // ORB-SLAM2 needs 500 features to initialize; with a small n_orb no frame has that many.
   options.min_init_features = std::min(500, parameters.integer("n_orb") / 2);
   options.second_hypotheses = parameters.boolean("second_hypotheses");
   return options;

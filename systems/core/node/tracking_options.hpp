@@ -7,9 +7,9 @@
 
 namespace slambed {
 
-/// What every system's tracking takes alike from its parameters: `n_orb` ...
+/// Options of all systems from the parameter `n_orb`.
 OrbOptions orb_options(const Parameters& parameters);
-/// ... and `n_orb` and `second_hypotheses`. The other options stay as they are.
+/// Options of all systems from `n_orb` and `second_hypotheses`; the others stay as they are.
 TrackerOptions tracker_options(const Parameters& parameters, TrackerOptions options = {});
 
 }  // namespace slambed

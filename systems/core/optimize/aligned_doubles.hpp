@@ -7,10 +7,10 @@
 
 namespace slambed {
 
-/// Doubles that begin on a cache line, so that no whole vector of them lies on two.
+/// Doubles aligned to a cache line, so that no aligned vector load crosses two lines.
 class AlignedDoubles {
  public:
-  /// New ones are zero.
+  /// New elements are zero.
   void resize(std::size_t count) { lines_.resize((count + kPerLine - 1) / kPerLine); }
   void fill(double value) { std::fill_n(data(), kPerLine * lines_.size(), value); }
   double* data() { return lines_.empty() ? nullptr : lines_.front().numbers; }

@@ -15,7 +15,7 @@ namespace {
 
 bool finite(const SE3& T) { return T.R.allFinite() && T.t.allFinite(); }
 
-/// Indices in range and every number finite; anything else can only be an outlier.
+/// Returns whether indices are in range and numbers are valid. All other observations are outliers.
 bool usable(const BundleProblem& problem, const BundleObservation& o) {
   return o.pose < problem.T_cw.size() && o.point < problem.p_w.size() && std::isfinite(o.u) &&
          std::isfinite(o.v) && std::isfinite(o.right_u) && std::isfinite(o.inv_sigma2) &&
@@ -35,7 +35,7 @@ BundleRows sort_rows(const BundleProblem& problem) {
   std::vector<std::uint32_t> order(bundle.begin.back()), next(bundle.begin);
   for (std::uint32_t i = 0; i < used.size(); ++i)
     if (used[i]) order[next[problem.observations[i].point]++] = i;
-  // The given order breaks ties, so the sums are formed the same way on every machine.
+  // The input order breaks ties, so every machine forms the sums in the same order.
   for (std::size_t i = 0; i < problem.p_w.size(); ++i)
     std::sort(order.begin() + bundle.begin[i], order.begin() + bundle.begin[i + 1],
               [&](std::uint32_t a, std::uint32_t b) {
@@ -86,7 +86,7 @@ struct BundleAdjuster::Impl {
     return !(e.chi2 <= bundle.chi2_limit[row]);
   }
 
-  /// Enters the stage, or the next one that has something to do.
+  /// Starts the stage, or the next one that has iterations and active observations.
   void begin_stage(Stage next) {
     stage = next;
     iterations_left = robust() ? options.robust_iterations : options.final_iterations;
@@ -117,7 +117,7 @@ struct BundleAdjuster::Impl {
     }
   }
 
-  /// One Levenberg-Marquardt iteration; false when the stage has nothing left to gain.
+  /// Runs one Levenberg-Marquardt iteration; returns false when the stage has converged.
   bool iterate() {
     if (!linearized) {
       values.look_at(problem.T_cw, problem.p_w);
@@ -151,13 +151,13 @@ struct BundleAdjuster::Impl {
   BundleRows bundle;
   SchurSystem system;
   BundleCost costs;
-  BundleValues values;  ///< for the kernels, while they read
+  BundleValues values;  ///< view of the current values for the kernels
   std::vector<SE3> trial_poses;
   std::vector<Eigen::Vector3d> trial_points;
   Stage stage = Stage::kRobust;
   int iterations_left = 0;
   Damping damping;
-  bool linearized = false;  ///< the system belongs to the current values
+  bool linearized = false;  ///< `system` is linearized at the current values
   double cost = 0;
 };
 

@@ -17,7 +17,8 @@ struct BundleObservation {
   float inv_sigma2 = 1;
 };
 
-/// Values in, values out: the first free_poses poses move, the rest are fixed.
+/// Initial values on input, optimized values on output. The first free_poses poses move, the rest
+/// are fixed.
 struct BundleProblem {
   Camera camera;
   std::vector<SE3> T_cw;
@@ -27,30 +28,29 @@ struct BundleProblem {
 };
 
 struct BundleOptions {
-  int robust_iterations = 5;  ///< Huber stage
-  int final_iterations = 10;  ///< plain stage without outliers
-  /// A stage ends when the cost falls by less than this share; 0: only when it cannot fall any
-  /// more.
+  int robust_iterations = 5;  ///< with Huber loss
+  int final_iterations = 10;  ///< plain least squares without outliers
+  /// A stage ends when the cost falls by less than this share. 0: only when it cannot fall further.
   double relative_stop = 1e-3;
 };
 
-/// Local bundle adjustment by a hand-written Schur-complement Levenberg-Marquardt. It advances one
-/// iteration per step(), so a caller can be interrupted between steps and a virtual engine can
-/// charge each one. The problem always holds the best values so far.
+/// Bundle adjustment by a hand-written Schur-complement Levenberg-Marquardt. step() runs one
+/// iteration, so a caller can stop between steps and a virtual run can charge compute time for each
+/// one. problem() always holds the best values so far.
 class BundleAdjuster {
  public:
   explicit BundleAdjuster(BundleProblem problem, BundleOptions options = {});
   ~BundleAdjuster();
   BundleAdjuster(BundleAdjuster&&) noexcept;
 
-  /// Runs one iteration and returns true; false, without any work, when both stages are finished.
+  /// Runs one iteration and returns true, or returns false when both stages are finished.
   bool step();
-  /// Classifies observations with the current values: 1 marks chi2 above the limit, negative depth
-  /// or an unusable one (a number that is not finite, an index out of range).
+  /// Classifies observations at the current values. 1 marks chi2 above the limit, a point behind
+  /// the camera, or unusable input (a number that is not finite, an index out of range).
   std::vector<std::uint8_t> outliers() const;
-  /// Huber cost of all usable observations at the current values, outliers too.
+  /// Huber cost of all usable observations, including outliers, at the current values.
   double robust_cost() const;
-  /// True once the first stage has ended: what is far off now is an outlier, not just unfinished.
+  /// Returns whether the robust stage has ended. Only then does a large error mean an outlier.
   bool robust_stage_done() const;
   const BundleProblem& problem() const;
 

@@ -13,13 +13,13 @@
 
 namespace slambed {
 
-/// The numbers that a bundle moves, for the kernels to read.
+/// The poses and points of a bundle in the layout that kernels read.
 class BundleValues {
  public:
   BundleValues(const BundleRows& bundle, const Pinhole& camera)
       : bundle_(bundle), camera_(camera) {}
 
-  /// Looks at these values from now on; the poses must stay where they are, points are copied.
+  /// Sets the values to read. The poses must outlive their use; the points are copied.
   void look_at(std::span<const SE3> T_cw, std::span<const Eigen::Vector3d> p_w);
   RowsView view(bool robust) const;
 
@@ -30,17 +30,17 @@ class BundleValues {
   AlignedDoubles points_;
 };
 
-/// Costs of a bundle. Keeps its scratch memory.
+/// Computes costs of a bundle. Keeps its scratch memory.
 class BundleCost {
  public:
   BundleCost(const BundleRows& bundle, const Pinhole& camera, const SchurKernels& kernels);
 
-  /// Cost of the active rows; with all = true of every row, active or not.
+  /// Cost of the active rows, or of all rows if `all` is true.
   double of(const BundleValues& values, bool robust, bool all = false);
 
-  /// Cost of the active rows at a trial. A point that its step carries behind a camera returns to
-  /// its fallback where that is cheaper: the fall of a whole bundle would otherwise pay for its
-  /// loss, and from behind the cameras no derivative leads back.
+  /// Cost of the active rows at a trial step. A point that moved behind a camera is reset to its
+  /// fallback if that costs less. Otherwise a decrease of the total cost could outweigh the lost
+  /// point, and no derivative moves a point back in front of the cameras.
   double of_trial(const std::vector<SE3>& T_cw, const std::vector<Eigen::Vector3d>& fallback,
                   std::vector<Eigen::Vector3d>& p_w, bool robust);
 
@@ -50,7 +50,7 @@ class BundleCost {
     bool behind = false;  ///< of at least one camera
   };
   void compute_rows(const BundleValues& values, bool robust);
-  /// From what compute_rows() found.
+  /// Sums the rows of a point after compute_rows().
   PointCost sum(std::size_t point, bool all) const;
   double kept_cost(std::size_t point, const std::vector<SE3>& T_cw, const Eigen::Vector3d& p_w,
                    bool robust) const;

@@ -8,14 +8,14 @@
 
 namespace slambed {
 
-/// The observations of a bundle, sorted by point and then by pose: one array per number, as the
-/// kernels want them. Those of point i are [begin[i], begin[i + 1]).
+/// The observations of a bundle, sorted by point and then by pose, one array per number as the
+/// kernels require. Rows of point i are [begin[i], begin[i + 1]).
 struct BundleRows {
   std::vector<double> u, v, right_u;         ///< px
-  std::vector<double> weight, right_weight;  ///< 1 / px^2; a monocular one has no right_weight
+  std::vector<double> weight, right_weight;  ///< 1 / px^2; right_weight is 0 for monocular rows
   std::vector<double> chi2_limit;
   std::vector<std::uint32_t> pose, point;
-  std::vector<std::uint32_t> original;  ///< place in the caller's list
+  std::vector<std::uint32_t> original;  ///< index in the caller's list
   std::vector<std::uint8_t> active;
   std::vector<std::uint32_t> begin;
   int free_poses = 0;  ///< poses below this index move

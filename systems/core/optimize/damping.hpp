@@ -5,16 +5,17 @@
 
 namespace slambed {
 
-/// Levenberg-Marquardt's damping factor with Nielsen's update (Madsen, Nielsen, Tingleff, "Methods
-/// for non-linear least squares problems", 2004, section 3.2). It multiplies the diagonal of the
-/// normal equations (Marquardt), so it has no unit.
+/// Damping factor of Levenberg-Marquardt with Nielsen's update (Madsen, Nielsen, Tingleff, "Methods
+/// for non-linear least squares problems", 2004, section 3.2). It scales the diagonal of the normal
+/// equations (Marquardt), so it has no unit.
 class Damping {
  public:
   double value() const { return value_; }
-  /// The diagonal entry to add. The floor keeps parameters without any observation solvable.
+  /// Returns the value to add to a diagonal entry. The minimum keeps the equations solvable for
+  /// parameters without observations.
   double of(double diagonal) const { return value_ * std::max(diagonal, kMinDiagonal); }
 
-  /// gain: the fall of the cost over the fall that the linear model promised.
+  /// gain: decrease of the cost divided by the decrease that the linear model predicts.
   void accept(double gain) {
     const double g = 2 * gain - 1;
     value_ = std::max(kMin, value_ * std::max(1.0 / 3, 1 - g * g * g));
@@ -27,7 +28,7 @@ class Damping {
   bool exhausted() const { return value_ > kMax; }
 
  private:
-  static constexpr double kStart = 1e-4;  ///< Ceres' default; the start is near the optimum
+  static constexpr double kStart = 1e-4;  ///< Ceres' default; initial values are near the optimum
   static constexpr double kMin = 1e-9;    ///< keeps 3x3 point blocks invertible in double precision
   static constexpr double kMax = 1e12;
   static constexpr double kMinDiagonal = 1e-6;
@@ -37,7 +38,7 @@ class Damping {
   double growth_ = kFirstGrowth;
 };
 
-/// Share of the cost below which a promised fall is rounding: the iteration has arrived.
+/// Converged when the predicted decrease is below this share of the cost, which is rounding error.
 inline constexpr double kRoundingShare = 1e-13;
 
 }  // namespace slambed

@@ -35,7 +35,7 @@ bool DenseCholesky::solve(std::span<double> right) const {
   }
   for (std::size_t k = size_; k-- > 0;) {
     column -= stride_;
-    // Four sums, so that one need not wait for the other; their order is the same everywhere.
+    // Four independent sums hide latency. Their order is the same on every machine.
     double sums[4] = {right[k], 0, 0, 0};
     std::size_t i = k + 1;
     for (; i + 4 <= size_; i += 4)

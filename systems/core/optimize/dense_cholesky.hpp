@@ -8,21 +8,21 @@
 
 namespace slambed {
 
-/// A symmetric positive definite matrix, its lower triangle, and its factorization by the kernels:
-/// the same bytes on every processor. Eigen would use what the compiler may assume of it, which in
-/// a program for all of them are two numbers at a time.
+/// A symmetric positive definite matrix (lower triangle) and its Cholesky factorization by the
+/// kernels, with the same bytes on every processor. Eigen would use only the baseline instructions
+/// of the build, two numbers at a time.
 class DenseCholesky {
  public:
   DenseCholesky(std::size_t size, const SchurKernels& kernels);
 
   void set_zero() { numbers_.fill(0); }
-  /// Numbers from this one downwards lie side by side.
+  /// Returns a matrix element. The elements below it in the column are contiguous.
   double* at(std::size_t row, std::size_t column) {
     return numbers_.data() + stride_ * column + row;
   }
-  /// False when the matrix is not positive definite.
+  /// Returns false when the matrix is not positive definite.
   bool factorize();
-  /// In place, after factorize(). False when the result is not finite.
+  /// Solves in place after factorize(). Returns false when the result is not finite.
   bool solve(std::span<double> right) const;
 
  private:

@@ -23,12 +23,12 @@ double cost_of(const PoseGraphProblem& problem, const std::vector<Sim3>& S_cw) {
   return sum;
 }
 
-/// What the two kinds of graph share; D is 6 (rigid) or 7 (with scale).
+/// Normal equations of a pose graph with 6 (rigid) or 7 (with scale) parameters per pose.
 class GraphSystem {
  public:
   virtual ~GraphSystem() = default;
   virtual void linearize(const PoseGraphProblem& problem) = 0;
-  /// False when the equations have no finite solution at this damping.
+  /// Returns false when the equations have no finite solution at this damping.
   virtual bool solve(const Damping& damping) = 0;
   virtual std::vector<Sim3> moved(const std::vector<Sim3>& S_cw) const = 0;
   virtual double promised() const = 0;
@@ -121,7 +121,7 @@ class GraphSystemOf final : public GraphSystem {
     block += a.transpose() * b;
   }
 
-  std::vector<std::uint32_t> place_;  ///< of each pose among the free ones
+  std::vector<std::uint32_t> place_;  ///< index of each pose among the free ones
   SparseBlocks<D> blocks_;
   std::vector<Block> hessian_;
   Eigen::VectorXd gradient_, diagonal_, step_;
@@ -145,7 +145,7 @@ struct PoseGraph::Impl {
     if (problem.edges.empty()) iterations_left = 0;
   }
 
-  /// One Levenberg-Marquardt iteration; false when nothing is left to gain.
+  /// Runs one Levenberg-Marquardt iteration; returns false when converged.
   bool iterate() {
     if (!linearized) system->linearize(problem);
     linearized = true;

@@ -9,7 +9,7 @@
 
 namespace slambed {
 
-/// S_to_from as it was measured: S_to ~ S_to_from * S_from.
+/// Measured relative pose: S_to ~ S_to_from * S_from.
 struct PoseGraphEdge {
   std::uint32_t from = 0, to = 0;
   Sim3 S_to_from;
@@ -19,25 +19,25 @@ struct PoseGraphProblem {
   std::vector<Sim3> S_cw;
   std::vector<std::uint8_t> fixed;  ///< per pose; at least one should be
   std::vector<PoseGraphEdge> edges;
-  bool fix_scale = true;  ///< scales stay as they are: rigid motions, six degrees of freedom
+  bool fix_scale = true;  ///< keep scales: rigid motions with six degrees of freedom
 };
 
 struct PoseGraphOptions {
   int iterations = 20;
-  /// Ends when the cost falls by less than this share; 0: only when it cannot fall any more.
+  /// Ends when the cost falls by less than this share. 0: only when it cannot fall further.
   double relative_stop = 1e-6;
 };
 
-/// Poses that agree best with measured relative poses: least squares over the tangents of
-/// S_to_from * S_from * S_to^-1, all components weighing the same (ORB-SLAM2's essential graph).
-/// Levenberg-Marquardt, one iteration per step().
+/// Pose graph optimization: least squares over the tangents of S_to_from * S_from * S_to^-1, all
+/// components with equal weight (ORB-SLAM2's essential graph). Levenberg-Marquardt, one iteration
+/// per step().
 class PoseGraph {
  public:
   explicit PoseGraph(PoseGraphProblem problem, PoseGraphOptions options = {});
   ~PoseGraph();
   PoseGraph(PoseGraph&&) noexcept;
 
-  /// Runs one iteration and returns true; false, without any work, when finished.
+  /// Runs one iteration and returns true, or returns false when finished.
   bool step();
   /// Sum of squares over all edges.
   double cost() const;

@@ -14,11 +14,11 @@ using Vector6 = Eigen::Matrix<double, 6, 1>;
 using Matrix6 = Eigen::Matrix<double, 6, 6>;
 
 constexpr std::size_t kMinObservations = 3;
-/// With fewer observations than this only one round is run (ORB-SLAM2's rule).
+/// With fewer usable observations than this, only one round is run (ORB-SLAM2's rule).
 constexpr std::size_t kMinForMoreRounds = 10;
 
-/// Two observations side by side: 16 bytes is what both SSE2 and NEON hold, so the compiler emits
-/// plain vector code everywhere and every machine adds in the same order.
+/// Two observations in one vector. SSE2 and NEON both have 16 bytes, so every machine runs vector
+/// code and adds in the same order.
 typedef double Lane __attribute__((vector_size(16)));
 constexpr std::size_t kLanes = sizeof(Lane) / sizeof(double);
 
@@ -28,13 +28,13 @@ Lane root(Lane a) { return Lane{std::sqrt(a[0]), std::sqrt(a[1])}; }
 struct Block {
   Lane x, y, z;               ///< point, world frame
   Lane u, v, right_u;         ///< measured pixel
-  Lane weight, right_weight;  ///< zero where there is no (right) measurement
+  Lane weight, right_weight;  ///< zero without a (right) measurement
   Lane limit;                 ///< chi-square
-  Lane active;                ///< 1 takes part, 0 is an outlier in this round
+  Lane active;                ///< 1 for inliers of this round, 0 for outliers
 };
 
-/// Sums over all active observations at one pose. H and g: Gauss-Newton system of the left
-/// perturbation (rho, phi), H * delta = g.
+/// Sums over all active observations at one pose: the Gauss-Newton system H * delta = g of the left
+/// perturbation delta = (rho, phi).
 struct Normal {
   double cost = 0;
   Matrix6 H;
@@ -55,7 +55,7 @@ class Problem {
       Block& b = blocks_[i / kLanes];
       const std::size_t k = i % kLanes;
       const bool used = i < size_ && usable(observations[i]);
-      // What is unusable or padding gets harmless numbers and no weight.
+      // Unusable observations and padding get harmless numbers and zero weight.
       const PoseObservation o = used ? observations[i] : PoseObservation{{0, 0, 1}};
       const bool stereo = used && o.right_u >= 0;
       b.x[k] = o.p_w.x(), b.y[k] = o.p_w.y(), b.z[k] = o.p_w.z();
@@ -78,7 +78,7 @@ class Problem {
 
   Normal linearize(const SE3& T_cw, bool robust) const;
 
-  /// Marks every observation, also those that were out so far, and returns the inliers' cost.
+  /// Reclassifies all observations, including current outliers; returns the cost of the inliers.
   double classify(const SE3& T_cw, std::vector<std::uint8_t>& outlier) {
     double cost = 0;
     active_ = 0;
@@ -139,7 +139,7 @@ Normal Problem::linearize(const SE3& T_cw, bool robust) const {
     cost += b.active * (in_front ? rho : behind);
     factor = in_front ? factor : zero;
 
-    // A = J' w J and a = J' w e with J the derivative of the pixel by the point in camera frame.
+    // A = J' w J and a = J' w e; J is the derivative of the pixel by the point in camera frame.
     const Lane w = factor * b.weight, wr = factor * b.right_weight;
     const Lane ju = -fx * x * iz, jv = -fy * y * iz, jr = ju + camera_.bf * iz * iz;
     const Lane a00 = fx * fx * (w + wr), a02 = fx * (w * ju + wr * jr);
@@ -173,7 +173,7 @@ Normal Problem::linearize(const SE3& T_cw, bool robust) const {
   return n;
 }
 
-/// One round of Levenberg-Marquardt from the given pose.
+/// Runs one round of Levenberg-Marquardt from the given pose.
 SE3 minimize(const Problem& problem, SE3 T_cw, bool robust, const PoseOptions& options) {
   Damping damping;
   Normal now = problem.linearize(T_cw, robust);

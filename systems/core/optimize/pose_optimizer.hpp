@@ -10,7 +10,7 @@
 
 namespace slambed {
 
-/// chi-square limits at 5 %: two and three degrees of freedom (ORB-SLAM2's).
+/// Chi-square limits at 5 % for two and three degrees of freedom (ORB-SLAM2).
 inline constexpr double kChi2Mono = 5.991;
 inline constexpr double kChi2Stereo = 7.815;
 
@@ -22,10 +22,10 @@ struct PoseObservation {
 };
 
 struct PoseOptions {
-  int rounds = 4;       ///< each restarts from the input pose and re-classifies outliers
+  int rounds = 4;       ///< each restarts from the input pose and reclassifies outliers
   int iterations = 10;  ///< Levenberg-Marquardt steps per round
-  double relative_stop =
-      1e-4;  ///< a round ends when the cost falls by less; 0: when it cannot fall
+  /// A round ends when the cost falls by less than this share. 0: only when it cannot fall further.
+  double relative_stop = 1e-4;
 };
 
 struct PoseResult {
@@ -34,15 +34,15 @@ struct PoseResult {
   double cost = 0;  ///< sum of weighted squared errors over the inliers
 };
 
-/// Motion-only bundle adjustment (ORB-SLAM2's rounds of Huber, then plain least squares).
-/// Hand-written 6x6 Levenberg-Marquardt; Ceres is the oracle in the tests.
+/// Motion-only bundle adjustment as in ORB-SLAM2: rounds with Huber loss, the last one with plain
+/// least squares. Hand-written 6x6 Levenberg-Marquardt; tests compare it with Ceres.
 class PoseOptimizer {
  public:
   explicit PoseOptimizer(PoseOptions options = {}) : options_(options) {}
 
-  /// Fewer than three usable observations: returns the initial pose with no inliers. Observations
-  /// with a number that is not finite are outliers; fewer than ten usable ones get a single round.
-  /// outlier is resized to the observations; 1 marks an outlier.
+  /// Returns the initial pose with no inliers for fewer than three usable observations; runs only
+  /// one round for fewer than ten. An observation with a number that is not finite is an outlier.
+  /// outlier gets one flag per observation; 1 marks an outlier.
   PoseResult solve(const Camera& camera, const SE3& initial_T_cw,
                    std::span<const PoseObservation> observations,
                    std::vector<std::uint8_t>& outlier);

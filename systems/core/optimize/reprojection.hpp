@@ -8,13 +8,13 @@
 
 namespace slambed {
 
-/// Depth (m) below which an observation counts as behind the camera: it has no usable derivative.
+/// Depth (m) below which a point counts as behind the camera, because its derivative is unusable.
 inline constexpr double kMinDepth_m = 1e-3;
-/// Squared error charged for an observation behind the camera, as if it were 1000 px off: no step
-/// may win by pushing a point through the image plane, and none is refused for one hopeless point.
+/// Chi-square of a point behind the camera, like an error of 1000 px. Pushing a point through the
+/// image plane thus never pays, yet a single bad point cannot block every step.
 inline constexpr double kBehindChi2 = 1e6;
 
-/// Huber's loss on a squared error: quadratic up to the limit, linear in the error above.
+/// Huber loss of a squared error: quadratic up to the limit, linear in the error above it.
 struct Huber {
   double rho;     ///< the cost
   double weight;  ///< d rho / d chi2
@@ -25,13 +25,13 @@ inline Huber huber(double chi2, double limit) {
   return {2 * root - limit, limit / root};
 }
 
-/// Pinhole constants, copied out of Camera so that hot loops keep them in registers.
+/// Pinhole intrinsics, copied from Camera so that hot loops keep them in registers.
 struct Pinhole {
   double fx, fy, cx, cy, bf;
   explicit Pinhole(const Camera& c) : fx(c.fx), fy(c.fy), cx(c.cx), cy(c.cy), bf(c.bf) {}
 };
 
-/// One measurement. A monocular one has no weight on its right coordinate.
+/// One measurement; right_weight is 0 for a monocular one.
 struct Measurement {
   double u, v, right_u;
   double weight, right_weight;  ///< 1 / px^2

@@ -1,12 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
-// The kernels; see schur_kernels.hpp for what each one computes. Included by each schur_kernels_*
-// file inside its namespace, after kLanes and
+// Kernels that schur_kernels.hpp describes. Each schur_kernels_* file includes this inside its
+// namespace, after kLanes and
 //   V                                    vector of kLanes doubles
 //   V root(V)                            square roots
 //   void load_transposed(const double* const from[kLanes], V to[4])
 //                                        to[i] = from[0][i], from[1][i] ...
 //   void store_transposed(const V from[kColumnStride], double* to, ptrdiff_t stride)
-//                                        kColumnStride numbers per lane, stride from lane to lane
+//                                        kColumnStride numbers per lane, lanes stride apart
 
 using std::ptrdiff_t;
 using std::size_t;
@@ -22,10 +22,10 @@ inline V load(const double* from) {
   return v;
 }
 inline void store(double* to, V v) { __builtin_memcpy(to, &v, sizeof(V)); }
-/// Minus, because a zero added would have to be added: it turns -0 into 0.
+/// Subtracts zero, which compilers can omit. Adding zero would turn -0 into 0.
 inline V splat(double value) { return value - V{}; }
 
-/// kLanes rows side by side: the point in the camera frame and its error, measured minus predicted.
+/// kLanes rows: the points in the camera frame and their errors, measured minus predicted.
 struct Errors {
   V R[9], x, y, z;
   V inverse_z, u, v, right_u, weight, right_weight;
@@ -82,7 +82,7 @@ void row_costs(const RowsView& view, size_t rows, double* cost, uint8_t* behind)
   }
 }
 
-/// What one row adds to the sums of its pose and its point.
+/// What each row adds to the sums of its pose and its point.
 struct RowTerms {
   alignas(64) double pose[kLanes][kPoseSumsSize];
   alignas(64) double point[kLanes][kPointSumsSize];
@@ -93,7 +93,7 @@ struct RowTerms {
 inline void terms_of(const RowsView& view, size_t first, RowTerms& terms) {
   const Errors e = errors_of(view, first);
   const V x = e.x, y = e.y, z = e.z;
-  // A = J' w J and a = J' w e with J the derivative of the pixel by the point in camera frame.
+  // A = J' w J and a = J' w e, where J is the derivative of the pixel by the point in camera frame.
   const V w = e.factor * e.weight, wr = e.factor * e.right_weight;
   const V fx = view.fx * e.inverse_z, fy = view.fy * e.inverse_z;
   const V ju = -fx * x * e.inverse_z, jv = -fy * y * e.inverse_z;
@@ -104,7 +104,7 @@ inline void terms_of(const RowsView& view, size_t first, RowTerms& terms) {
   const V g0 = fx * (w * e.u + wr * e.right_u), g1 = fy * w * e.v;
   const V g2 = w * (ju * e.u + jv * e.v) + wr * jr * e.right_u;
 
-  // Point: H += R' A R, g += R' a, by way of B = A R. With D = [I, -[p]x]: cross block D' B.
+  // Point: H += R' A R, g += R' a, with B = A R. The cross block is D' B with D = [I, -[p]x].
   V B[9], point[kPointSumsSize] = {};
   for (int c = 0; c < 3; ++c) {
     const V* r = e.R + 3 * c;
@@ -172,7 +172,7 @@ void linearize(const RowsView& view, size_t rows, const NormalSums& sums) {
   for (size_t first = 0; first < rows; first += kLanes) {
     terms_of(view, first, terms);
     const size_t here = rows - first < kLanes ? rows - first : kLanes;
-    for (size_t i = 0; i < here; ++i) {  // row after row, whatever the number of lanes
+    for (size_t i = 0; i < here; ++i) {  // one row at a time, so kLanes does not matter
       const size_t k = first + i;
       const uint32_t pose = view.pose[k];
       const bool counts = sums.active[k] && terms.z[i] > view.least_depth_m;
@@ -194,7 +194,7 @@ inline void load_cross(const double* from, V to[3][kParts]) {
     for (int i = 0; i < kParts; ++i) to[c][i] = load(from + c * kColumnStride + i * kLanes);
 }
 
-/// Y = W V^-1 of each row of the pose, and right -= W V^-1 g.
+/// Computes Y = W V^-1 of each row of the pose and right -= W V^-1 g.
 inline void prepare_column(const ColumnElimination& column) {
   V right[kParts];
   for (int i = 0; i < kParts; ++i) right[i] = load(column.right + i * kLanes);
@@ -222,7 +222,7 @@ inline void prepare_column(const ColumnElimination& column) {
 template <int kColumns>
 struct BlockColumns {
   V of[kColumns][kParts];
-  /// -= a * b', with a and b of 6 x 3; b from the first of these columns on.
+  /// Subtracts a * b' for 6 x 3 blocks a and b; b starts at the row of the first column here.
   inline void subtract_product(const double* a, const double* b) {
     V A[3][kParts];
     load_cross(a, A);
@@ -234,7 +234,7 @@ struct BlockColumns {
   }
 };
 
-/// As many columns at a time as fit into the registers.
+/// The number of columns that fit into the registers.
 constexpr int kColumnsAtOnce = kParts == 1 ? 6 : kParts == 2 ? 3 : 2;
 
 void eliminate(const ColumnElimination& column) {
@@ -255,7 +255,7 @@ void eliminate(const ColumnElimination& column) {
         const double* y = column.scratch + kCrossSize * row;
         const double* w = column.cross + kCrossSize * pair->second;
         block.subtract_product(w, y + first);
-        // The same pose twice (a doubled observation): the mirrored term falls into the same block.
+        // When a pose sees the point twice, the mirrored term belongs to the same block.
         if (number == 0 && pair->first != pair->second) block.subtract_product(y, w + first);
       }
       for (int j = 0; j < kColumnsAtOnce; ++j)
@@ -265,8 +265,8 @@ void eliminate(const ColumnElimination& column) {
   }
 }
 
-/// Subtracts what the columns before `first` have to do with kRows vectors of rows of a panel.
-/// left: those columns' numbers in the panel's own rows, kFactorColumns per column.
+/// Subtracts the contribution of the columns before `first` from kRows vectors of rows of a panel.
+/// left: elements of those columns in the panel's diagonal rows, kFactorColumns per column.
 template <int kRows>
 inline void update_rows(double* matrix, size_t stride, size_t first, size_t row,
                         const double* left) {
@@ -293,7 +293,7 @@ bool factorize(double* matrix, size_t size, size_t stride, double* scratch) {
     for (size_t k = 0; k < first; ++k)
       for (int c = 0; c < kFactorColumns; ++c)
         scratch[k * kFactorColumns + c] = matrix[k * stride + first + c];
-    const size_t top = first / kLanes * kLanes;  // rows above the panel are not read again
+    const size_t top = first / kLanes * kLanes;  // rows above the panel are never read again
     size_t row = top;
     for (; row + kRows * kLanes <= stride; row += kRows * kLanes)
       update_rows<kRows>(matrix, stride, first, row, scratch);

@@ -4,7 +4,7 @@
 #if defined(__x86_64__)
 #include <immintrin.h>
 
-// To the end of the file, as in features/kernels_avx2.cpp.
+// This must hold to the end of the file, as in features/kernels_avx2.cpp.
 #pragma GCC target("avx2")
 
 namespace slambed {

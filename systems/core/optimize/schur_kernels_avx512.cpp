@@ -4,7 +4,7 @@
 #if defined(__x86_64__)
 #include <immintrin.h>
 
-// To the end of the file, as in features/kernels_avx2.cpp.
+// This must hold to the end of the file, as in features/kernels_avx2.cpp.
 #pragma GCC target("avx512f,avx512dq,avx512vl,avx512bw,prefer-vector-width=512")
 
 namespace slambed {
@@ -13,10 +13,10 @@ namespace {
 constexpr int kLanes = 8;
 typedef double V __attribute__((vector_size(8 * kLanes)));
 
-// Written so that gcc 12 does not warn of its own header (PR 105593).
+// Masked, because gcc 12 warns of its own header for the plain intrinsic (PR 105593).
 inline V root(V v) { return _mm512_maskz_sqrt_pd(0xff, v); }
 
-/// Four numbers each of eight lanes: lanes 0-3 and 4-7 are two blocks of 4 x 4, transposed alike.
+/// Transposes lanes 0-3 and lanes 4-7 as two separate 4 x 4 blocks.
 inline void transpose_halves(V r[4]) {
   const V a = __builtin_shufflevector(r[0], r[1], 0, 8, 2, 10, 4, 12, 6, 14);
   const V b = __builtin_shufflevector(r[0], r[1], 1, 9, 3, 11, 5, 13, 7, 15);

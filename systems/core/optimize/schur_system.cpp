@@ -8,17 +8,17 @@
 namespace slambed {
 namespace {
 
-/// More free poses than this make a sparse system: a local window has rarely more, and a whole
-/// map's blocks would soon fill the memory.
+/// The system is sparse for more free poses than this. Local windows rarely have more, and the
+/// dense blocks of a whole map would need too much memory.
 constexpr std::size_t kDensePoses = 120;
 
-/// Free poses that see a point together: (row, column) with row >= column, each once.
+/// Returns the pairs of free poses that share a point: (row, column) with row >= column, each once.
 std::vector<std::pair<std::uint32_t, std::uint32_t>> pairs_of_poses(const BundleRows& bundle) {
   std::vector<std::vector<std::uint32_t>> partners(static_cast<std::size_t>(bundle.free_poses));
   for (std::size_t i = 0; i + 1 < bundle.begin.size(); ++i) {
     for (std::size_t k = bundle.begin[i]; k < bundle.begin[i + 1]; ++k) {
       const std::uint32_t column = bundle.pose[k];
-      if (column >= partners.size()) break;  // sorted: only fixed ones follow
+      if (column >= partners.size()) break;  // sorted, so only fixed poses follow
       for (std::size_t l = k + 1; l < bundle.begin[i + 1]; ++l) {
         const std::uint32_t row = bundle.pose[l];
         if (row >= partners.size()) break;
@@ -106,7 +106,7 @@ void SchurSystem::invert(std::size_t point, const Damping& damping) {
   const double c00 = d * f - e * e, c01 = c * e - b * f, c02 = b * e - c * d;
   const double determinant = a * c00 + b * c01 + c * c02;
   invertible_[point] = determinant > 0;
-  if (!invertible_[point]) return;  // the point stays where it is this time
+  if (!invertible_[point]) return;  // the point does not move in this step
   const double s = 1 / determinant;
   I[0] = s * c00, I[1] = s * c01, I[2] = s * c02;
   I[3] = s * (a * f - c * c), I[4] = s * (b * c - a * e), I[5] = s * (a * d - b * b);
@@ -115,7 +115,7 @@ void SchurSystem::invert(std::size_t point, const Damping& damping) {
   step[2] = I[2] * g[0] + I[4] * g[1] + I[5] * g[2];
 }
 
-/// Takes the points that the pose sees out of its column: reduced -= W V^-1 W', right -= W V^-1 g.
+/// Eliminates the points of the pose from its column: reduced -= W V^-1 W', right -= W V^-1 g.
 void SchurSystem::eliminate(std::size_t pose) {
   const std::size_t first = order_.slot_begin[pose], block = order_.block_begin[pose];
   kernels_.eliminate({first, order_.slot_begin[pose + 1] - first, cross_.data(), coupled_.data(),
@@ -144,7 +144,7 @@ void SchurSystem::back_substitute(std::size_t point) {
   const double* g = I + kPointGradient;
   double r[3] = {0, 0, 0};
   for (std::size_t k = bundle_.begin[point]; k < bundle_.begin[point + 1]; ++k) {
-    if (bundle_.pose[k] >= poses_) break;  // sorted: only fixed ones follow
+    if (bundle_.pose[k] >= poses_) break;  // sorted, so only fixed poses follow
     if (!coupled_[order_.slot[k]]) continue;
     const double* step = solution_.data() + 6 * bundle_.pose[k];
     const double* W = cross_.data() + kCrossSize * order_.slot[k];
@@ -163,7 +163,7 @@ bool SchurSystem::solve(const Damping& damping) {
   for (std::size_t i = 0; i < points; ++i) invert(i, damping);
   for (std::size_t p = 0; p < poses_; ++p) eliminate(p);
   if (!solve_poses()) return false;
-  // The model's fall for a damped step d is d' (g + damping * diagonal * d).
+  // The linear model predicts a decrease of d' (g + damping * diagonal * d) for a damped step d.
   promised_ = 0;
   for (std::size_t p = 0; p < poses_; ++p) {
     pose_steps_[p] = solution_.segment<6>(6 * p);

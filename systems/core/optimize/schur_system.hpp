@@ -25,19 +25,19 @@ class SchurSystem {
   SchurSystem(const BundleRows& bundle, const SchurKernels& kernels);
   ~SchurSystem();
 
-  /// Fills the equations; the cost is that of the active rows.
+  /// Builds the equations from the active rows.
   void linearize(const BundleValues& values, bool robust);
 
-  /// Solves for the steps. False when the equations have no finite solution at this damping.
+  /// Solves for the steps. Returns false when there is no finite solution at this damping.
   bool solve(const Damping& damping);
 
   const std::vector<Vector6>& pose_steps() const { return pose_steps_; }
   const std::vector<Eigen::Vector3d>& point_steps() const { return point_steps_; }
-  /// Fall of the cost that the linear model promises for the steps.
+  /// Decrease of the cost that the linear model predicts for the steps.
   double promised() const { return promised_; }
 
  private:
-  /// First block of the pose's column of the reduced camera system: the one on the diagonal.
+  /// Returns the diagonal block, the first one of the pose's column of the reduced camera system.
   double* column(std::size_t pose);
   void reset_reduced(const Damping& damping);
   void invert(std::size_t point, const Damping& damping);
@@ -45,21 +45,21 @@ class SchurSystem {
   bool solve_poses();
   void back_substitute(std::size_t point);
 
-  // Blocks and sums as schur_kernels.hpp describes them.
+  // schur_kernels.hpp describes the layout of blocks and sums.
   const BundleRows& bundle_;
   const SchurKernels& kernels_;
   std::size_t poses_;
-  std::unique_ptr<PoseBlocks> sparse_;  ///< the reduced camera system of many poses
+  std::unique_ptr<PoseBlocks> sparse_;  ///< reduced camera system for many poses, else null
   EliminationOrder order_;
   AlignedDoubles pose_sums_, point_sums_;
-  AlignedDoubles point_inverse_;  ///< damped inverse, and inverse * g
+  AlignedDoubles point_inverse_;  ///< damped inverse and inverse * g
   std::vector<std::uint8_t> invertible_;
   AlignedDoubles cross_;               ///< pose-point block of each slot
-  std::vector<std::uint8_t> coupled_;  ///< the row of the slot is active
-  AlignedDoubles scratch_;             ///< of the elimination of one pose
+  std::vector<std::uint8_t> coupled_;  ///< per slot: the row contributes
+  AlignedDoubles scratch_;             ///< for the elimination of one pose
   std::vector<std::uint8_t> taking_part_;
-  AlignedDoubles reduced_;  ///< the reduced camera system, unless it is sparse
-  DenseCholesky dense_;     ///< of it
+  AlignedDoubles reduced_;  ///< reduced camera system, unless sparse
+  DenseCholesky dense_;     ///< factorization of reduced_
   AlignedDoubles right_;
   Eigen::VectorXd solution_;
   std::vector<Vector6> pose_steps_;

@@ -34,7 +34,7 @@ int mark_inliers(const Camera& camera, std::span<const Sim3Match> matches, const
   return count;
 }
 
-/// Samples needed to draw three inliers once with the wanted confidence.
+/// Returns how many samples contain an all-inlier one with probability options.confidence.
 int samples_needed(double inlier_share, const Sim3Options& options) {
   const double all_good = portable::power(inlier_share, 3);
   if (all_good >= 1) return 1;
@@ -43,8 +43,8 @@ int samples_needed(double inlier_share, const Sim3Options& options) {
   return static_cast<int>(std::min<double>(options.max_iterations, std::ceil(needed)));
 }
 
-/// One image's part of the normal equations: p the point in this camera's frame, J its derivative
-/// by the tangent of S_12.
+/// Normal equations. add() takes the point p in one camera's frame and J, its derivative by the
+/// tangent of S_12.
 struct SimilarityNormal {
   Matrix7 H = Matrix7::Zero();
   Vector7 g = Vector7::Zero();
@@ -64,7 +64,7 @@ struct SimilarityNormal {
   }
 };
 
-/// Derivative of exp(x) * p by x at zero.
+/// Returns the derivative of exp(x) * p by x at zero.
 Eigen::Matrix<double, 3, 7> derivative(const Eigen::Vector3d& p) {
   Eigen::Matrix<double, 3, 7> J;
   J << 1, 0, 0, 0, p.z(), -p.y(), p.x(), 0, 1, 0, -p.z(), 0, p.x(), p.y(), 0, 0, 1, p.y(), -p.x(),

@@ -12,17 +12,16 @@
 
 namespace slambed {
 
-/// A symmetric positive definite matrix of N x N blocks of which few are not zero: the lower
-/// triangle, block by block, and its factorization. The pattern is fixed, so that the order of
-/// elimination (approximate minimum degree) is looked for only once. Stride: numbers from one
-/// column of a block to the next; the rows beyond D are padding.
+/// A sparse symmetric positive definite matrix of D x D blocks (lower triangle) and its
+/// factorization. The pattern is fixed, so the elimination order (approximate minimum degree) is
+/// computed only once. Stride: numbers per column of a block; rows beyond D are padding.
 template <int D, int Stride = D>
 class SparseBlocks {
  public:
   using Block = Eigen::Matrix<double, Stride, D>;
 
-  /// pairs: (row, column) with row >= column, in any order, repeated or not. The diagonal is there
-  /// always.
+  /// pairs: (row, column) with row >= column, in any order, duplicates allowed. Diagonal blocks are
+  /// always added.
   SparseBlocks(std::size_t size, std::vector<std::pair<std::uint32_t, std::uint32_t>> pairs)
       : size_(size), begin_(size + 1, 0) {
     for (std::uint32_t i = 0; i < size; ++i) pairs.emplace_back(i, i);
@@ -41,22 +40,22 @@ class SparseBlocks {
 
   std::size_t size() const { return size_; }
   std::size_t count() const { return blocks_.size(); }
-  /// Number of the block at (row, column) of the pattern; row >= column.
+  /// Index of the block at (row, column), which must be in the pattern; row >= column.
   std::size_t find(std::uint32_t row, std::uint32_t column) const {
     const auto first = rows_.begin() + begin_[column], last = rows_.begin() + begin_[column + 1];
     return static_cast<std::size_t>(std::lower_bound(first, last, row) - rows_.begin());
   }
-  /// Number behind the last block of the column; the first one is that on the diagonal.
+  /// Index after the last block of the column. Its first block is the diagonal one.
   std::size_t column_end(std::size_t column) const { return begin_[column + 1]; }
   Block& operator[](std::size_t number) { return blocks_[number]; }
-  /// All blocks, one behind the other.
+  /// All blocks, contiguous.
   double* data() { return blocks_.front().data(); }
   Block& at(std::uint32_t row, std::uint32_t column) { return blocks_[find(row, column)]; }
   void set_zero() {
     for (Block& block : blocks_) block.setZero();
   }
 
-  /// Solves in place. False when the matrix is not positive definite or the result not finite.
+  /// Solves in place. Returns false for a matrix that is not positive definite or no finite result.
   bool solve(Eigen::VectorXd& right) {
     fill();
     if (!analyzed_) factor_.analyzePattern(matrix_);
@@ -68,7 +67,7 @@ class SparseBlocks {
   }
 
  private:
-  /// Writes the lower triangle column by column; the pattern only the first time.
+  /// Copies the lower triangle by columns. The first call also builds the pattern.
   void fill() {
     const bool first = matrix_.size() == 0;
     if (first) {
@@ -95,7 +94,7 @@ class SparseBlocks {
   }
 
   std::size_t size_;
-  std::vector<std::uint32_t> rows_;  ///< of each block, column by column
+  std::vector<std::uint32_t> rows_;  ///< of each block, by columns
   std::vector<std::size_t> begin_;   ///< first block of each column
   std::vector<Block> blocks_;
   Eigen::SparseMatrix<double> matrix_;

@@ -13,9 +13,10 @@
 
 namespace slambed {
 
-/// What a run plays: the sequence, which of its frames, and how the greeting tells of its sensor.
+/// What a run plays: the sequence, the frames to play, and its sensor as sent in the greeting.
 struct PlayedSequence {
-  /// bad_input when the sequence cannot be read, the system cannot do with it, or no frame is left.
+  /// Throws bad_input if the sequence is unreadable, the system does not support its sensor, or no
+  /// frame is left.
   PlayedSequence(const System& system, const Parameters& parameters, const RunConfig& config);
 
   PreparedSequence sequence;
@@ -24,26 +25,26 @@ struct PlayedSequence {
   wire::SensorInfo sensor;
 };
 
-/// In what the engines differ: whose clock, whose network, and where features and pictures of the
-/// frames come from.
+/// What differs between live and virtual runs: clock, network, and the source of features and
+/// images.
 struct MobileSurroundings {
   Runtime& runtime;
   Network* network;  ///< null for a system without an edge
   EventLog& log;
   FeatureSource& features;
-  ImageSource* images;  ///< null: no picture goes to the edge
+  ImageSource* images;  ///< null: no images are sent to the edge
 };
 
-/// The mobile node of a run, live or virtual, with its feed and the maps from before and for later.
-/// Destroyed before what it was built from.
+/// The mobile node of a run, live or virtual, with its frame feed, prior map and map to save.
+/// Must be destroyed before what it was built from.
 class BuiltMobile {
  public:
-  /// bad_input when the prior map was made with another rig.
+  /// Throws bad_input if the prior map was made with another camera rig.
   BuiltMobile(const System& system, const Parameters& parameters, const RunConfig& config,
               const PlayedSequence& played, const MobileSurroundings& around);
 
   void start() { node_.start(); }
-  /// After the runtime has joined: writes trajectories and, where asked for, the map.
+  /// Call after the runtime has joined. Writes trajectories and, if configured, the map.
   NodeEnd leave(const std::filesystem::path& folder);
 
  private:
@@ -52,7 +53,7 @@ class BuiltMobile {
   MobileNode node_;
 };
 
-/// The same of an edge node: its policy leaves in the folder what it wants to.
+/// The same for an edge node, whose policy writes its files to the folder.
 NodeEnd leave(EdgeNode& node, const std::filesystem::path& folder);
 
 }  // namespace slambed

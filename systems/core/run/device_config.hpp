@@ -8,8 +8,9 @@
 
 namespace slambed {
 
-/// A cost model as the harness writes it (docs/formats.md, "Virtual run"). where: full name of the
-/// object, for messages. bad_input for anything missing, wrong or unknown.
+/// Reads a cost model as the harness writes it (docs/reference/run-folder.md, "Virtual run").
+/// where: full name of the object, for messages. Throws bad_input for missing, invalid or unknown
+/// keys.
 DeviceModel read_device(const nlohmann::json& json, const std::string& where);
 
 }  // namespace slambed

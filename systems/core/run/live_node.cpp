@@ -21,7 +21,7 @@ namespace fs = std::filesystem;
 
 constexpr Duration kLinger = std::chrono::seconds(2);
 
-/// What every node has, in the order in which it may be destroyed.
+/// A node of either role. Members are declared so that they can be destroyed in reverse order.
 class LiveNode {
  public:
   LiveNode(const LiveNodeOptions& options, std::span<const System> systems)
@@ -73,7 +73,7 @@ class LiveNode {
   ~LiveNode() { signals_.unwatch(); }
 
  private:
-  /// As the virtual engine draws its jitter.
+  /// The seed is that of the virtual engine, so both draw the same jitter.
   std::optional<PaceOptions> pace() const {
     const auto found = config_.pace.find(role_);
     if (found == config_.pace.end()) return {};
@@ -128,7 +128,7 @@ class LiveNode {
       if (edge_) edge_->start();
       runtime_.join();
     } catch (const std::exception& error) {
-      // What was recorded is worth keeping, whatever went wrong.
+      // Keep what was recorded, whatever went wrong.
       runtime_.stop();
       runtime_.join();
       log_.warning(error.what());
@@ -145,7 +145,7 @@ class LiveNode {
     write_node_end(folder_, end);
   }
 
-  StopSignals signals_;  ///< first: every later thread inherits the blocked signals
+  StopSignals signals_;  ///< first, so that all later threads inherit the blocked signals
   NodeRole role_;
   RunConfig config_;
   const System& system_;

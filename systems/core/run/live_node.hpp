@@ -15,8 +15,9 @@ struct LiveNodeOptions {
   bool verify = false;  ///< check every frame of the sequence first
 };
 
-/// One node from its configuration to node.json (docs/formats.md, "Life of a node"), on threads,
-/// TCP and the monotonic clock. Throws Error with the exit code to end with.
+/// Runs one node from its configuration to node.json (docs/reference/run-folder.md, "Life of a
+/// node"), with threads, TCP and the monotonic clock. Throws Error with the exit code of the
+/// process.
 void run_live_node(const LiveNodeOptions& options, std::span<const System> systems);
 
 }  // namespace slambed

@@ -6,9 +6,9 @@
 
 namespace slambed {
 
-/// Sends a given trace of messages up the modeled link, over one connection and without any node,
-/// and writes when each arrived: what `slambed link messages` compares with a real link
-/// (docs/formats.md, "Message trace"). bad_input for a file that is not one.
+/// Sends a trace of messages up the modeled link, over one connection and without nodes, and writes
+/// when each arrives. `slambed link messages` compares the result with a real link
+/// (docs/reference/run-folder.md, "Message trace"). Throws bad_input for an invalid trace.
 void play_message_trace(const std::filesystem::path& trace, std::ostream& arrivals);
 
 }  // namespace slambed

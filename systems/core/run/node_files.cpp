@@ -15,7 +15,7 @@ namespace fs = std::filesystem;
 namespace {
 
 constexpr Duration kLookForStart = std::chrono::milliseconds(5);
-/// Whoever starts the run waits for the other node too; after so long nobody will.
+/// After both nodes are ready, the harness has this long to start the run.
 constexpr Duration kStartPatience = std::chrono::seconds(120);
 
 }  // namespace

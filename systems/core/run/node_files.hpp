@@ -20,38 +20,39 @@ namespace slambed {
 /// "mobile" or "edge".
 const char* role_name(NodeRole role);
 
-/// bad_input naming the known ones.
+/// Throws bad_input, naming the known systems, if there is no system of this name.
 const System& find_system(std::span<const System> systems, const std::string& name);
 
-/// bad_input unless a network is given exactly where the system has an edge.
+/// Throws bad_input unless a network is configured exactly if the system has an edge.
 void check_network(const System& system, const RunConfig& config, const std::string& where);
 
-/// True when an edge of this run was here before and did not end: its successor joins the running
-/// mobile. Asked before the folder is prepared.
+/// Returns true if an earlier edge process of this run died without ending, so that its successor
+/// joins the running mobile. Call before prepare_node_folder.
 bool succeeds_a_dead_edge(const std::filesystem::path& output, NodeRole role);
 
-/// bad_input unless the system can do with what the sequence brings.
+/// Throws bad_input unless the system supports the sequence's sensor.
 void check_sensor(const System& system, const PreparedSequence& sequence);
 
-/// Creates <output>/<role> and removes what an earlier run said there; environment_error.
+/// Creates <output>/<role> and removes an earlier run's ready.json and node.json. Throws
+/// environment_error.
 std::filesystem::path prepare_node_folder(const std::filesystem::path& output, NodeRole role);
 
-/// Writes JSON whole or not at all: readers poll for these files. environment_error.
+/// Writes JSON atomically, because readers poll for these files. Throws environment_error.
 void write_by_rename(const std::filesystem::path& path, const nlohmann::json& content);
 
-/// Waits for <output>/start.json. Run time zero on the monotonic clock; nothing when stopping()
-/// says so before. Error where nobody starts the run within peer_patience, for the other node, and
-/// two minutes more.
+/// Waits for <output>/start.json. Returns run time zero on the monotonic clock, or nothing if
+/// stopping() becomes true first. Throws Error if the run does not start within peer_patience (the
+/// time to wait for the other node) plus two minutes.
 std::optional<Duration> await_start(const std::filesystem::path& output, Duration peer_patience,
                                     const std::function<bool()>& stopping);
 
-/// How a node ended; written as node.json, the last thing of its life.
+/// How a node ended. Written to node.json as its last action.
 struct NodeEnd {
   NodeRole role = NodeRole::kMobile;
   std::string reason;                       ///< empty: stopped from outside
   std::optional<std::size_t> frames_total;  ///< offered by playback
-  std::optional<MapCounts> counts;          ///< where the node has a map that we know
-  int messages_refused = 0;                 ///< that could not be read
+  std::optional<MapCounts> counts;          ///< of the node's map, if the core can see it
+  int messages_refused = 0;                 ///< received messages that could not be decoded
 };
 void write_node_end(const std::filesystem::path& folder, const NodeEnd& end);
 

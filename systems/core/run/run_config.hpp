@@ -21,19 +21,20 @@ struct NetworkConfig {
   std::optional<RttTable> profile_rtt{};
 };
 
-/// Where the edge node has pictures segmented.
+/// Where the edge node sends images for segmentation.
 struct SegmenterConfig {
   std::filesystem::path socket;
   double time_limit_s = 2;
 };
 
-/// The device whose pace a node keeps.
+/// The device whose speed a live node imitates.
 struct PaceConfig {
-  double share = 1;  ///< of a CPU of the host that one of its cores is
+  double share = 1;  ///< one core of the device as a share of a CPU of the host
   DeviceModel device;
 };
 
-/// run.json (docs/formats.md, "Run configuration"). params are checked by the system's own list.
+/// run.json (docs/reference/run-folder.md, "Run configuration"). The system's parameter specs check
+/// params.
 struct RunConfig {
   std::string run_key;
   std::uint64_t seed = 0;
@@ -43,12 +44,12 @@ struct RunConfig {
   PlaybackConfig playback;
   std::optional<NetworkConfig> network;
   std::optional<SegmenterConfig> segmenter{};
-  std::map<NodeRole, PaceConfig> pace{};  ///< live runs at a device's pace; empty: at this host's
+  std::map<NodeRole, PaceConfig> pace{};  ///< for live runs; empty: run at the host's speed
   std::filesystem::path output;
   double connect_timeout_s = 20;
 };
 
-/// bad_input naming the key for anything missing, wrong or unknown.
+/// Throws bad_input with the name of a missing, invalid or unknown key.
 RunConfig read_run_config(const std::filesystem::path& path);
 
 }  // namespace slambed

@@ -18,10 +18,10 @@
 namespace slambed {
 namespace {
 
-/// More than masks of any picture take: what is longer was not written by a segmenter.
+/// The masks of any image are smaller, so a longer answer did not come from a segmenter.
 constexpr std::uint32_t kLargestAnswer = 16 << 20;
 
-/// Why a picture has no masks.
+/// Thrown with the reason why an image has no masks.
 struct Failure : std::runtime_error {
   using std::runtime_error::runtime_error;
 };
@@ -30,8 +30,8 @@ struct Failure : std::runtime_error {
   throw Failure(what + ": " + error_text(errno));
 }
 
-/// Connects without waiting; what the kernel said. The path goes through the folder's descriptor,
-/// as a socket's address has room for 107 characters and run folders lie deep.
+/// Connects without waiting. Returns false and sets errno on failure. Uses the folder's descriptor
+/// because a socket address is limited to 107 characters, and paths of run folders are longer.
 bool connect_to(int fd, const std::filesystem::path& socket) {
   const FileDescriptor folder(
       ::open(socket.parent_path().c_str(), O_PATH | O_DIRECTORY | O_CLOEXEC));

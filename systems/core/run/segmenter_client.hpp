@@ -14,17 +14,17 @@
 namespace slambed {
 
 struct SegmenterOptions {
-  std::filesystem::path socket;                   ///< where slambed.segment.server answers
-  Duration time_limit = std::chrono::seconds(2);  ///< of a picture, from the question on
+  std::filesystem::path socket;                   ///< Unix socket of slambed.segment.server
+  Duration time_limit = std::chrono::seconds(2);  ///< per image, from request to answer
 };
 
-/// Masks of a process beside the edge node (docs/masks.md, "The segmenter of live runs"). Whatever
-/// it does wrong is told with the picture that has no masks then, and the next one finds a new
-/// connection. For one worker.
+/// Gets masks from a segmenter process on the edge host (docs/explanation/masks.md, "The segmenter
+/// of live runs"). If it fails, the image has no masks but a failure text, and the next image uses
+/// a new connection. Use one object per worker.
 class SegmenterClient final : public MaskSource {
  public:
   using SensorOf = std::function<std::shared_ptr<const Sensor>()>;
-  /// sensor: asked for each picture, as the peer's camera is not known at first.
+  /// sensor: called for each image, because the peer's camera is unknown at first.
   SegmenterClient(SegmenterOptions options, SensorOf sensor)
       : options_(std::move(options)), sensor_(std::move(sensor)) {}
 

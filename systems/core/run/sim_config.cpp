@@ -9,7 +9,7 @@
 namespace slambed {
 namespace {
 
-constexpr int kMtu = 1500;  ///< as live; a queue must hold at least one packet
+constexpr int kMtu = 1500;  ///< as in live runs; a queue must hold at least one packet
 constexpr double kLongest_s = 1e6;
 
 SimConfig::Cache read_cache(const nlohmann::json& json, const std::string& where) {

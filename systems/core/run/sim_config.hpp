@@ -19,17 +19,17 @@ struct LinkModel {
   link::DirectionOptions up, down;
 };
 
-/// where: full name of the object, for messages. bad_input as read_sim_config.
+/// where: full name of the object, for messages. Throws bad_input as read_sim_config does.
 LinkModel read_link(const nlohmann::json& json, const std::string& where);
 
-/// sim.json (docs/formats.md, "Virtual run"): a run.json plus the scenario: what
-/// surrounds the nodes.
+/// sim.json (docs/reference/run-folder.md, "Virtual run"): a run.json plus the devices, link and
+/// caches of a virtual run.
 struct SimConfig {
   RunConfig run;
   DeviceModel mobile;
-  std::optional<DeviceModel> edge;  ///< with a network
+  std::optional<DeviceModel> edge;  ///< present if there is a network
   LinkModel link;
-  std::vector<std::pair<RunTime, RunTime>> edge_frozen;  ///< the edge's program stands still
+  std::vector<std::pair<RunTime, RunTime>> edge_frozen;  ///< [begin, end) of each edge freeze
   struct Cache {
     std::filesystem::path path;
     std::string key;
@@ -38,7 +38,7 @@ struct SimConfig {
   std::map<double, Cache> masks;  ///< by the segmentation's threshold n_m
 };
 
-/// bad_input naming the key for anything missing, wrong or unknown.
+/// Throws bad_input with the name of a missing, invalid or unknown key.
 SimConfig read_sim_config(const std::filesystem::path& path);
 
 }  // namespace slambed

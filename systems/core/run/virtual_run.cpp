@@ -22,7 +22,7 @@ namespace {
 
 namespace fs = std::filesystem;
 
-/// What both nodes have; destroyed in the reverse order.
+/// The members that both nodes have. Their order matters for destruction.
 struct VirtualNode {
   VirtualNode(Simulator& simulator, const SimConfig& config, const System& system,
               NodeRole node_role, DeviceModel device)
@@ -91,7 +91,7 @@ class VirtualRun {
  private:
   void make_nodes() {
     make_pictures();
-    // Both ends of every channel must be there before the first message.
+    // Both ends of every channel must be open before the first message.
     if (edge_) {
       peer_.set(played_.sensor);
       edge_node_.emplace(EdgeParts{edge_->runtime, link_.edge_side(edge_->log), edge_->log, peer_,
@@ -107,7 +107,7 @@ class VirtualRun {
                            .images = images_.get()});
   }
 
-  /// What the nodes see: features, and for systems that send pictures, those and their masks.
+  /// Makes the sources of features and, for systems that send images, of images and masks.
   void make_pictures() {
     const PreparedSequence& sequence = played_.sequence;
     const OrbOptions& orb = played_.orb;
@@ -139,7 +139,8 @@ class VirtualRun {
     }
   }
 
-  /// A cache for each number of octaves; that of `orb` comes last, as the harness goes by its file.
+  /// Opens a cache for each number of octaves. The one of `orb` is made last, because the harness
+  /// takes its file as the sign that all exist.
   std::unique_ptr<FeatureSource> cached(const OrbOptions& orb) {
     const SimConfig::Cache& file = *config_.features;
     std::map<int, std::unique_ptr<FeatureSource>> by_levels;

@@ -15,13 +15,13 @@ struct SampledNode {
   const VirtualRuntime* runtime = nullptr;
 };
 
-/// Writes samples.jsonl (docs/formats.md, "Samples") of a virtual run: charged compute time at 10
-/// Hz of virtual time. Memory and throttling are not modeled and left out.
+/// Writes samples.jsonl (docs/reference/samples.md, "Samples") of a virtual run: charged compute
+/// time, at 10 Hz of virtual time. Memory and throttling are not modeled and are null.
 class VirtualSampler {
  public:
   VirtualSampler(Simulator& simulator, std::vector<SampledNode> nodes,
                  const std::filesystem::path& path);
-  /// A last sample; environment_error when the disk refused.
+  /// Writes a last sample. Throws environment_error if the file could not be written.
   void finish();
 
  private:

@@ -19,17 +19,17 @@ struct StageCost {
   std::string accelerator{};  ///< the accelerator that does this work; empty: a core
 };
 
-/// What computes beside the cores (a GPU, an extractor in hardware).
+/// A compute unit other than the cores (a GPU, a hardware feature extractor).
 struct Accelerator {
-  int lanes = 1;     ///< pieces of work that it does at once, each at full speed
+  int lanes = 1;     ///< jobs that run at the same time, each at full speed
   double speed = 1;  ///< relative to the machine on which its stages' costs were measured
 };
 
-/// What a device charges for work. Fitted by `slambed calibrate --stages`.
+/// The cost model of a device, fitted by `slambed calibrate --stages`.
 struct DeviceModel {
   int cores = 1;
   double speed = 1;       ///< relative to the reference machine
-  double background = 0;  ///< cores that are busy with what is no part of the system
+  double background = 0;  ///< cores that programs outside the system keep busy
   std::map<std::string, StageCost, std::less<>> stages;
   std::map<std::string, Accelerator, std::less<>> accelerators;
 
@@ -37,8 +37,8 @@ struct DeviceModel {
   void check() const;
   /// Throws Error(kBadInput) for a stage that has no cost.
   const StageCost& cost(std::string_view stage) const;
-  /// Duration of one execution. Every (seed, stage, count) has its own jitter, whatever happened in
-  /// between, so runs that differ in one decision stay comparable elsewhere.
+  /// Returns the duration of one execution. Its jitter depends only on seed, stage and count, so
+  /// runs that differ in one decision stay comparable elsewhere.
   Duration charge(std::string_view stage, const StageUnits& units, std::uint64_t seed,
                   std::uint64_t count) const;
 };

@@ -12,16 +12,16 @@
 
 namespace slambed {
 
-/// In front of every message on a byte stream. Little-endian, 44 bytes:
+/// The header of every message on a byte stream. Little-endian, 44 bytes:
 /// magic u32, version u16, type u8, flags u8, sequence u64, queued i64, sent i64, length u32,
-/// payload crc32 u32, crc32 of the 40 bytes before u32.
+/// payload crc32 u32, crc32 of the first 40 bytes u32.
 struct FrameHeader {
   static constexpr std::size_t kSize = 44;
   static constexpr std::uint32_t kMagic = 0x44424C53;  // "SLBD"
   static constexpr std::uint16_t kVersion = 1;
-  static constexpr std::uint8_t kGreetingFlag = 1;  ///< first on every connection
-  static constexpr std::uint8_t kCloseFlag = 2;     ///< last: the sender closes the connection
-  static constexpr std::uint8_t kAliveFlag = 4;     ///< no message: the sender is there
+  static constexpr std::uint8_t kGreetingFlag = 1;  ///< first frame on every connection
+  static constexpr std::uint8_t kCloseFlag = 2;     ///< last frame: the sender closes
+  static constexpr std::uint8_t kAliveFlag = 4;     ///< heartbeat without a message
 
   std::uint8_t type = 0;
   std::uint8_t flags = 0;
@@ -34,7 +34,7 @@ struct FrameHeader {
   bool closes() const { return (flags & kCloseFlag) != 0; }
   bool alive() const { return (flags & kAliveFlag) != 0; }
   std::array<std::uint8_t, kSize> encode() const;
-  /// The header, or why these bytes are none.
+  /// Returns the header, or the reason why the bytes are not a valid one.
   static std::variant<FrameHeader, std::string> decode(std::span<const std::uint8_t, kSize> bytes);
 };
 

@@ -41,7 +41,7 @@ class Mailbox {
     return item;
   }
 
-  /// Waits for an item until the deadline; nothing when it passes or the run stops.
+  /// Waits for an item. Returns nothing at the deadline or when the run stops.
   std::optional<Item> take(Worker& worker, RunTime deadline = kNever) {
     for (;;) {
       const auto ticket = signal_->ticket();

@@ -9,8 +9,8 @@
 
 namespace slambed {
 
-/// Pushes to a queue of limited length (0: unlimited); hands back the oldest item, which is out of
-/// the queue, when the queue was full; the caller records the drop.
+/// Pushes to a queue of limited length (0: unlimited). If the queue was full, removes and returns
+/// the oldest message; the caller records the drop.
 inline std::optional<Message> push_drop_oldest(std::deque<Message>& queue, Message message,
                                                int limit) {
   std::optional<Message> dropped;

@@ -14,7 +14,7 @@ inline std::size_t size_on_wire(const Message& message) {
   return message.payload.size() + FrameHeader::kSize;
 }
 
-/// What every kind of channel reports at the end of a message's life.
+/// Returns the record that a channel reports when a message is taken or dropped.
 inline MessageRecord record_of(const Message& message, std::string_view channel, bool incoming,
                                bool dropped) {
   return {.channel = channel,

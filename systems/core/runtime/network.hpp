@@ -11,34 +11,33 @@
 
 namespace slambed {
 
-/// What both ends show each other before the first message of every connection. The content is the
-/// caller's (wire::Hello); transports only carry it and turn away whoever fails the check.
+/// What both nodes exchange before the first message of every connection. The caller defines the
+/// content (wire::Hello); transports only carry it and reject a peer that fails the check.
 struct Greeting {
-  /// The payload this node shows on the named channel.
+  /// Returns the payload that this node sends on the named channel.
   std::function<Bytes(const std::string& channel)> own;
-  /// Nothing when the peer is welcome, else the reason to record.
+  /// Returns the reason why the peer is rejected, or nothing.
   std::function<std::optional<std::string>(const std::string& channel,
                                            std::span<const std::uint8_t> payload)>
       check;
 };
 
-/// A peer of which nothing was heard for so long counts as away, connected or not.
+/// A peer that sends nothing for this long counts as disconnected, even if TCP is connected.
 inline constexpr Duration kPeerSilence = std::chrono::seconds(1);
 
-/// What a node knows of the other one.
+/// What a node knows about its peer.
 struct PeerState {
-  /// Every channel has its connection, and the peer shows signs of life.
+  /// Every channel has a connection, and the peer was not silent for kPeerSilence.
   bool connected = false;
-  /// The peer's session: one life of its process, counted from 1; 0: none was met yet. A new number
-  /// means that the peer was restarted and the old process is gone with all it knew: its map, its
-  /// queues, what was under way.
+  /// Counts the peer's processes from 1; 0: no contact yet. A new number means that the peer was
+  /// restarted and has lost its map, its queues and the messages in flight.
   std::uint64_t session = 0;
 
   bool operator==(const PeerState&) const = default;
 };
 
-/// The channels between the two nodes of a run. live/ and virtual/ stand side by side. Losing the
-/// peer ends nothing: messages wait in their queues and go on when it is back.
+/// The channels between the two nodes of a run, implemented in live/ and virtual/. While the peer
+/// is lost, messages wait in their queues; they are sent when it is back.
 class Network {
  public:
   virtual ~Network() = default;

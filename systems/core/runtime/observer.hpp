@@ -11,14 +11,13 @@
 
 namespace slambed {
 
-/// A stage of a live run that takes what a device's model charges (live/pace.hpp).
+/// A live stage that takes the time of a device's cost model (live/pace.hpp).
 struct PacedStage {
-  Duration charged{};   ///< what the model says
-  Duration work{};      ///< CPU time of the work itself; the rest of the stage's was burnt
-  bool missed = false;  ///< the work alone took longer than the model says
+  Duration charged{};   ///< duration from the cost model
+  Duration work{};      ///< CPU time of the work itself, without the burned time
+  bool missed = false;  ///< the work alone took longer than the model allows
 };
 
-/// One finished stage of a worker.
 struct StageRecord {
   std::string_view name, worker;
   RunTime start{};
@@ -27,7 +26,7 @@ struct StageRecord {
   std::optional<PacedStage> paced{};
 };
 
-/// The end of a message's life: taken by the receiver, or dropped from a full queue on either side.
+/// A message that the receiver took, or that a full queue on either side dropped.
 struct MessageRecord {
   std::string_view channel;
   bool incoming = false;
@@ -44,14 +43,14 @@ struct ConnectionEvent {
   std::string_view channel, event, detail;
 };
 
-/// Where runtimes and channels report what happened. Called from any thread.
+/// Receives the reports of runtimes and channels, from any thread.
 class Observer {
  public:
   virtual ~Observer() = default;
   virtual void stage(const StageRecord& record) = 0;
   virtual void message(const MessageRecord& record) = 0;
   virtual void link(const ConnectionEvent& record) = 0;
-  /// A message of this type could not be read.
+  /// Reports that a message of this type could not be decoded.
   virtual void refused(std::uint8_t type, std::string_view why) = 0;
 };
 

@@ -12,13 +12,13 @@
 
 namespace slambed {
 
-/// Sizes of one piece of work, for the cost model a + b*n1 + c*n2 of the virtual engine.
+/// Sizes of one piece of work, for the cost model a + b*n1 + c*n2.
 struct StageUnits {
   double n1 = 0, n2 = 0;
 };
 
-/// Wakes workers. A worker takes a ticket, looks at the state it waits for, then waits with the
-/// ticket: a notify in between is not lost.
+/// Wakes workers. A worker takes a ticket, checks the state that it waits for, then waits with the
+/// ticket, so that a notify in between is not lost.
 class Signal {
  public:
   virtual ~Signal() = default;
@@ -26,8 +26,8 @@ class Signal {
   virtual void notify() = 0;
 };
 
-/// The only places where time passes for a worker: wait, sleep_until and stage. Live workers are
-/// threads; virtual ones take turns under a discrete-event clock. Worker code is the same.
+/// Time passes for a worker only in wait, sleep_until and stage. Live workers are threads; virtual
+/// ones take turns under a discrete-event clock. Worker code is the same for both.
 class Worker {
  public:
   virtual ~Worker() = default;
@@ -37,7 +37,7 @@ class Worker {
   virtual void sleep_until(RunTime when) = 0;
   /// True once the run is being shut down; loops end then.
   virtual bool stopping() const = 0;
-  /// True where a stage takes the time that a model says, whatever its work takes.
+  /// True in virtual time, where a cost model alone decides how long a stage takes.
   virtual bool charged() const = 0;
 
   /// Runs work(StageUnits&) as the named stage: measured when live, charged when virtual, and
@@ -55,8 +55,8 @@ class Worker {
     return work(units);
   }
 
-  /// The same for work whose result others see only when the stage is over: effect(result) runs
-  /// after the time was spent. Live, both are measured; virtual, the charge covers both.
+  /// The same for work whose result others may see only at the end of the stage: effect(result)
+  /// runs after the charged time has passed. A live measurement and a virtual charge cover both.
   template <typename Work, typename Effect>
   void stage(std::string_view name, Work&& work, Effect&& effect) {
     StageUnits units;
@@ -77,13 +77,13 @@ class Worker {
                               const std::function<void()>& effect) = 0;
 };
 
-/// Clock, workers and signals of one node: live/ and virtual/ stand side by side.
+/// Clock, workers and signals of one node, implemented in live/ and virtual/.
 class Runtime {
  public:
   virtual ~Runtime() = default;
   virtual RunTime now() const = 0;
   virtual std::unique_ptr<Signal> make_signal() = 0;
-  /// Starts a worker; the first exception that leaves a body stops the run and is rethrown by join.
+  /// Starts a worker. The first exception that leaves a worker stops the run; join rethrows it.
   virtual void spawn(std::string name, std::function<void(Worker&)> body) = 0;
   virtual void stop() = 0;  ///< asks all workers to end
   virtual void join() = 0;  ///< waits until all have

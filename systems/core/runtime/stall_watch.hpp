@@ -10,23 +10,22 @@
 
 namespace slambed {
 
-/// A transport that has bytes under way of which none is acknowledged for so long counts as
-/// stalled.
+/// A transport counts as stalled if bytes are in flight and none is acknowledged for this long.
 inline constexpr Duration kStall = std::chrono::seconds(1);
 
 /// Notices the stalls of one channel, for its link events "stalled" and "flowing".
 class StallWatch {
  public:
-  /// Nothing is under way, or something was acknowledged just now. How long a stall lasted that was
-  /// told and ends with this.
+  /// Call when nothing is in flight or bytes were just acknowledged. Returns how long a reported
+  /// stall lasted if it ends now.
   std::optional<Duration> progress(RunTime now) {
     const Duration since = now - std::exchange(progress_, now);
     return std::exchange(stalled_, false) ? std::optional(since) : std::nullopt;
   }
-  /// True once per stall, when it is time to tell it.
+  /// Returns true once per stall, when it must be reported.
   bool stalls(RunTime now) { return now - progress_ >= kStall && !std::exchange(stalled_, true); }
   bool stalled() const { return stalled_; }
-  /// When to look again.
+  /// When to call stalls() next.
   RunTime due() const { return progress_ + kStall; }
 
   static std::string begin_detail() {

@@ -9,7 +9,7 @@ namespace {
 
 constexpr std::size_t kKeyPointBytes = 24, kDescriptorBytes = 32;
 
-/// KeyPoint without the compiler's own idea of padding.
+/// A KeyPoint with a fixed layout, independent of the compiler's padding.
 struct StoredKeyPoint {
   float u, v, right_u, depth_m, angle_deg;
   std::uint32_t octave;

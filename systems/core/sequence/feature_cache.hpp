@@ -14,19 +14,19 @@
 namespace slambed {
 
 /// The features of every frame of a sequence, extracted once and mapped by all later runs. They are
-/// the same bytes that extraction gives, so a run with the cache equals a run without it.
+/// bit-identical to extracted ones, so a run with the cache equals a run without it.
 ///
-/// A FrameFile; a block's count is the number of features n, its bytes are n key points of 24 bytes
-/// and n descriptors of 32.
+/// The file is a FrameFile. A block's count is the number of features n; its bytes are n key points
+/// of 24 bytes and n descriptors of 32 bytes.
 class FeatureCache final : public FeatureSource {
  public:
-  /// Opens the cache, or makes it first of what source extracts, which is needed until then only.
-  /// key: everything the features depend on; a file with another key is made anew. Throws Error for
-  /// a folder that cannot be written.
+  /// Opens the cache. If it does not exist or has another key, first makes it from `source`, which
+  /// is not used after the constructor. key: everything that the features depend on. Throws Error
+  /// if the folder is not writable.
   FeatureCache(const std::filesystem::path& path, const std::string& key, std::uint64_t frames,
                FeatureSource& source);
 
-  /// Throws Error(kBadInput) when the frame's bytes are damaged.
+  /// Throws Error(kBadInput) if the frame's bytes are damaged.
   std::shared_ptr<const FeatureSet> features(std::uint64_t frame) override;
   std::shared_ptr<const Sensor> sensor() const override { return sensor_; }
 
@@ -35,7 +35,7 @@ class FeatureCache final : public FeatureSource {
   FrameFile file_;
 };
 
-/// Features of several numbers of octaves, one of which is in use.
+/// One feature source per number of octaves; one of them is in use.
 class LeveledFeatures final : public FeatureSource {
  public:
   LeveledFeatures(std::map<int, std::unique_ptr<FeatureSource>> by_levels, int levels)
@@ -45,7 +45,7 @@ class LeveledFeatures final : public FeatureSource {
     return used_->features(frame);
   }
   std::shared_ptr<const Sensor> sensor() const override { return used_->sensor(); }
-  /// Throws where there are none for that number.
+  /// Throws if there is no source for this number.
   void use_levels(int levels) override { used_ = by_levels_.at(levels).get(); }
 
  private:

@@ -12,18 +12,18 @@
 
 namespace slambed {
 
-/// Where the features of a frame come from: extraction when live, a cache when virtual.
+/// Source of a frame's features: extraction in live runs, a cache in virtual ones.
 class FeatureSource {
  public:
   virtual ~FeatureSource() = default;
   virtual std::shared_ptr<const FeatureSet> features(std::uint64_t frame) = 0;
   virtual std::shared_ptr<const Sensor> sensor() const = 0;
-  /// From the next frame on features come from so many octaves, as many features as before. Of
-  /// sources that know no octaves, nothing.
+  /// Sets the number of octaves from the next frame on; the number of features does not change.
+  /// Sources without octaves ignore it.
   virtual void use_levels(int) {}
 };
 
-/// Extracts from a prepared sequence of any sensor. Owns scratch memory: one per worker.
+/// Extracts from a prepared sequence of any sensor. Owns scratch memory, so use one per worker.
 class ExtractingSource final : public FeatureSource {
  public:
   ExtractingSource(const PreparedSequence& sequence, std::shared_ptr<const Sensor> sensor,
@@ -34,7 +34,7 @@ class ExtractingSource final : public FeatureSource {
   void use_levels(int levels) override;
 
  private:
-  /// What only a rectified pair needs.
+  /// Used for stereo sequences only.
   struct Right {
     OrbExtractor extractor;
     StereoMatcher matcher;

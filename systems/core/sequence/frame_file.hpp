@@ -14,7 +14,7 @@
 namespace slambed {
 
 /// A file with one block of bytes per frame of a sequence, made once and mapped by all later runs.
-/// What a block says is its owner's.
+/// The user of the class defines what a block contains.
 ///
 /// Little-endian: magic u32, version u32, frames u64, key length u32, key, padding to 8 bytes,
 /// frames + 1 offsets u64; per frame: count u32, crc32 u32 of what follows, the bytes.
@@ -24,7 +24,7 @@ class FrameFile {
     std::string name;  ///< for messages: "feature cache"
     std::uint32_t magic = 0, version = 1;
   };
-  /// A frame's bytes and a number of its owner's.
+  /// A frame's bytes, and a number that the user of the class defines.
   struct Block {
     std::uint32_t count = 0;
     std::span<const std::uint8_t> bytes;
@@ -35,20 +35,20 @@ class FrameFile {
   };
   using Make = std::function<OwnedBlock(std::uint64_t frame)>;
 
-  /// One frame's count, CRC-32 and bytes, wherever they come from; nothing for what is damaged.
+  /// Parses one frame's count, CRC-32 and bytes from any source. Returns nothing if damaged.
   static std::optional<Block> parse(std::span<const std::uint8_t> bytes);
 
   FrameFile(Kind kind, std::filesystem::path path, std::uint64_t frames);
 
-  /// Maps the file; false when there is none for these frames and this key (everything that the
-  /// blocks depend on).
+  /// Maps the file. Returns false if there is none with this number of frames and this key
+  /// (everything that the blocks depend on).
   bool open(const std::string& key);
-  /// Opens it, or makes it first (by rename: a process that makes it at the same time does no
-  /// harm). Throws Error for a folder that cannot be written.
+  /// Opens the file, or makes it first. It is written by rename, so another process may make it at
+  /// the same time. Throws Error if the folder is not writable.
   void open_or_make(const std::string& key, const Make& make);
-  /// Throws Error(kBadInput) when the frame's bytes are damaged.
+  /// Throws Error(kBadInput) if the frame's bytes are damaged.
   Block block(std::uint64_t frame) const;
-  /// To throw when a frame's bytes are whole and yet make no sense.
+  /// Throws Error(kBadInput). For users that find a frame's content invalid.
   [[noreturn]] void refuse(std::uint64_t frame, const std::string& what) const;
 
  private:
@@ -59,7 +59,7 @@ class FrameFile {
   std::filesystem::path path_;
   std::uint64_t frames_ = 0;
   MappedFile mapped_;
-  std::span<const std::uint8_t> file_;  ///< its bytes
+  std::span<const std::uint8_t> file_;  ///< bytes of mapped_
   std::size_t offsets_at_ = 0;
 };
 

@@ -11,14 +11,13 @@
 
 namespace slambed {
 
-/// The pictures of a sequence as JPEG: coded when live, from a cache when virtual.
+/// Source of a sequence's images as JPEG: encoded in live runs, from a cache in virtual ones.
 class ImageSource {
  public:
   virtual ~ImageSource() = default;
   virtual wire::Bytes jpeg(std::uint64_t frame) = 0;
 };
 
-/// Codes each picture when it is asked for.
 class EncodingSource final : public ImageSource {
  public:
   EncodingSource(const PreparedSequence& sequence, int quality)
@@ -30,12 +29,12 @@ class EncodingSource final : public ImageSource {
   int quality_;
 };
 
-/// The JPEG of every frame, coded once and mapped by all later runs: the bytes that coding gives,
-/// so that sizes in virtual time are true. A FrameFile; a block is one JPEG, its count the JPEG's
-/// size.
+/// The JPEG of every frame, encoded once and mapped by all later runs. The bytes are those of
+/// EncodingSource, so message sizes in virtual time are real. The file is a FrameFile: a block is
+/// one JPEG, and its count is the JPEG's size.
 class ImageCache final : public ImageSource {
  public:
-  /// As FeatureCache: opens it, or makes it first.
+  /// Opens the cache, or makes it first, as FeatureCache does.
   ImageCache(const std::filesystem::path& path, const std::string& key,
              const PreparedSequence& sequence, int quality);
   wire::Bytes jpeg(std::uint64_t frame) override;

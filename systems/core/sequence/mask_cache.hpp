@@ -11,17 +11,16 @@
 
 namespace slambed {
 
-/// Masks of every frame of a sequence, segmented once per quality, network and n_m
-/// (docs/formats.md, "Mask cache").
+/// Masks of every frame of a sequence, segmented once per JPEG quality, neural network and n_m
+/// (docs/reference/sequence.md, "Mask cache").
 class MaskCache final : public MaskSource {
  public:
-  /// The size of the sequence's pictures.
   MaskCache(int width, int height) : width_(width), height_(height) {}
 
-  /// Throws Error(kBadInput) unless the file is there, of these frames and with that key.
+  /// Throws Error(kBadInput) unless the file exists and has this number of frames and this key.
   void add(double threshold, const std::filesystem::path& path, const std::string& key,
            std::uint64_t frames);
-  /// Throws Error(kBadInput) where there are no masks for the frame.
+  /// Throws Error(kBadInput) if there are no masks for the frame and threshold.
   Segmentation masks(std::uint64_t frame, std::span<const std::uint8_t> jpeg,
                      double threshold) override;
 

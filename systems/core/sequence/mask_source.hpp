@@ -10,22 +10,21 @@
 
 namespace slambed {
 
-/// What a segmentation made of a picture.
 struct Segmentation {
-  std::optional<FrameMasks> masks;  ///< none: it gave no answer that can be used
-  std::string failure;              ///< then: why
+  std::optional<FrameMasks> masks;  ///< absent if there was no valid answer
+  std::string failure;              ///< the reason if masks are absent
 };
 
-/// The segmentation: what moves in a picture. One implementation makes all masks (slambed.segment);
-/// here is where they come from, a process beside the edge when live, a cache of its answers when
-/// virtual.
+/// Source of the masks of movable objects. slambed.segment makes all masks. They come from its
+/// process on the edge host in live runs, from a cache of its answers in virtual ones.
 class MaskSource {
  public:
   virtual ~MaskSource() = default;
-  /// Of the picture as it was sent. threshold: n_m, above which overlap one of two instances goes.
+  /// Returns the masks of the JPEG as it was sent. threshold: n_m; of two instances that overlap
+  /// more than this, one is dropped.
   virtual Segmentation masks(std::uint64_t frame, std::span<const std::uint8_t> jpeg,
                              double threshold) = 0;
-  /// Whether an answer takes as long as the network that is at hand takes on this host.
+  /// Whether answers take the time that the neural network needs on this host.
   virtual bool live() const { return false; }
 };
 

@@ -12,23 +12,22 @@
 
 namespace slambed {
 
-/// Features of pictures that come over the network as JPEG, in two steps that are two stages. For
-/// one worker.
+/// Features of images that arrive over the network as JPEG. Decoding and extraction are separate
+/// stages. Use one object per worker.
 class PictureFeatures {
  public:
   virtual ~PictureFeatures() = default;
-  /// Throws wire::DecodeError for what is no gray picture of the camera's size.
+  /// Throws wire::DecodeError unless the data are a gray image of the camera's size.
   virtual void decode(std::span<const std::uint8_t> jpeg) = 0;
-  /// Of the picture that was decoded last, which is this frame of the sequence.
+  /// Returns the features of the image decoded last, which must be this frame of the sequence.
   virtual std::shared_ptr<const FeatureSet> extract(std::uint64_t frame) = 0;
 };
 
-/// Decodes and extracts.
 class DecodedPictures final : public PictureFeatures {
  public:
   using SensorOf = std::function<std::shared_ptr<const Sensor>()>;
-  /// sensor: asked for each picture, as the peer's camera is not known at first; null then refuses
-  /// it.
+  /// sensor: called for each image, because the peer's camera is unknown at first. While it returns
+  /// null, images are refused.
   DecodedPictures(SensorOf sensor, const OrbOptions& options)
       : sensor_(std::move(sensor)), extractor_(options) {}
 
@@ -41,8 +40,8 @@ class DecodedPictures final : public PictureFeatures {
   wire::GrayImage image_;
 };
 
-/// Virtual runs: looks whether a picture could be decoded, and takes its features from where they
-/// were extracted once.
+/// For virtual runs: only checks the JPEG's header and end, and takes the features from a source
+/// that was filled earlier.
 class KnownPictures final : public PictureFeatures {
  public:
   explicit KnownPictures(FeatureSource& features) : features_(features) {}
@@ -56,7 +55,7 @@ class KnownPictures final : public PictureFeatures {
   FeatureSource& features_;
 };
 
-/// What the edge extracts from a sequence's pictures: of each as JPEG decodes it.
+/// The features that the edge extracts from a sequence's images after JPEG compression.
 class JpegFeatureSource final : public FeatureSource {
  public:
   JpegFeatureSource(ImageSource& images, std::shared_ptr<const Sensor> sensor,

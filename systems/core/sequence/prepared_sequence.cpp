@@ -22,7 +22,7 @@ constexpr std::int64_t kMaxSide = 1 << 14;
 constexpr std::int64_t kMaxFrames = 1 << 24;
 constexpr std::size_t kIndexEntry = 16;  ///< int64 time, uint32 checksum, uint32 flags
 
-/// Recorded times are given in seconds, mostly to the microsecond; a double holds no more.
+/// Rounds to microseconds: recorded times in seconds have hardly more digits, nor has a double.
 std::int64_t to_ns(double seconds) { return std::llround(seconds * 1e6) * 1000; }
 
 SensorKind sensor_kind(JsonReader& in) {
@@ -68,7 +68,7 @@ void PreparedSequence::read_header() {
   camera_.width = static_cast<int>(in.integer("width", 1, kMaxSide));
   camera_.height = static_cast<int>(in.integer("height", 1, kMaxSide));
   const bool rgbd = sensor_ == SensorKind::kRgbd;
-  // Blocks are page-aligned; an even plane in front keeps the 16-bit one aligned too.
+  // Blocks are page-aligned. A gray plane of even size keeps the 16-bit depth plane aligned too.
   if (rgbd && camera_.width * camera_.height % 2 != 0)
     in.fail("width", "times height must be even");
   frame_count_ = static_cast<std::uint64_t>(in.integer("frames", 1, kMaxFrames));

@@ -18,26 +18,27 @@ namespace slambed {
 /// "rgbd", "stereo" or "mono".
 const char* sensor_name(SensorKind kind);
 
-/// A prepared sequence (docs/formats.md), mapped read-only: frames cost nothing until looked at.
+/// A prepared sequence (docs/reference/sequence.md), mapped read-only: frames are loaded on first
+/// access.
 class PreparedSequence {
  public:
   struct Frame {
     std::uint64_t index = 0;
     std::int64_t timestamp_ns = 0;  ///< since time_origin
     GrayView gray;
-    DepthView depth;  ///< of an RGB-D sequence
-    GrayView right;   ///< of a stereo sequence
+    DepthView depth;  ///< in RGB-D sequences
+    GrayView right;   ///< in stereo sequences
   };
 
-  /// Checks header, sizes, time stamps and the first frame's checksum. bad_input when the folder is
-  /// no such sequence or is damaged.
+  /// Checks header, sizes, timestamps and the first frame's checksum. Throws bad_input if the
+  /// folder is not a prepared sequence or is damaged.
   explicit PreparedSequence(std::filesystem::path folder);
   PreparedSequence(const PreparedSequence&) = delete;
   PreparedSequence& operator=(const PreparedSequence&) = delete;
 
   const std::string& id() const { return id_; }
   SensorKind sensor() const { return sensor_; }
-  /// A monocular one has no baseline, whatever the file says.
+  /// In a monocular sequence the baseline is 0, whatever the file contains.
   const Camera& camera() const { return camera_; }
   double depth_unit_m() const { return depth_unit_m_; }
   double close_depth_m() const { return close_depth_baselines_ * camera_.baseline_m(); }
@@ -47,7 +48,7 @@ class PreparedSequence {
   std::span<const std::int64_t> timestamps_ns() const { return timestamps_ns_; }
   Frame frame(std::uint64_t index) const;
 
-  /// Compares one frame with its checksum; bad_input when it differs.
+  /// Compares one frame with its checksum. Throws bad_input if it differs.
   void verify(std::uint64_t index) const;
   void verify_all() const;
 
@@ -68,7 +69,7 @@ class PreparedSequence {
   std::vector<std::int64_t> timestamps_ns_;
   std::vector<std::uint32_t> checksums_;
   MappedFile file_;
-  const std::uint8_t* data_ = nullptr;  ///< its bytes
+  const std::uint8_t* data_ = nullptr;  ///< bytes of file_
 };
 
 }  // namespace slambed

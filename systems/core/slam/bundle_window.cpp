@@ -26,7 +26,7 @@ std::optional<BundleWindow> BundleWindow::around(const Map& map, KeyFrameId keyf
     window.epoch_ = view.epoch();
     problem.camera = current->features->sensor().camera;
 
-    /// Place of a keyframe among the poses; a new one is appended.
+    /// Returns the index of a keyframe among the poses; appends a new one.
     const auto place_of = [&](KeyFrameId id) {
       Scratch::Mark& mark = *scratch.keyframes.make(id);
       if (mark.run != run) {
@@ -38,7 +38,7 @@ std::optional<BundleWindow> BundleWindow::around(const Map& map, KeyFrameId keyf
       }
       return mark.place;
     };
-    // The free ones first, newest to oldest.
+    // Free keyframes come first, newest to oldest.
     std::vector<KeyFrameId> moving{keyframe};
     const auto takes_part = [&](KeyFrameId id) {
       return view.keyframe(id)->timestamp_s >= limits.since_s;
@@ -51,7 +51,7 @@ std::optional<BundleWindow> BundleWindow::around(const Map& map, KeyFrameId keyf
           (!limits.movable || made_by(id, *limits.movable)))
         place_of(id);
     const std::size_t free = window.poses_.size();
-    // Those that never move, if there are any among them, come next.
+    // Fixed keyframes among them come next.
     for (const KeyFrameId id : moving) place_of(id);
 
     for (const KeyFrameId id : moving) {
@@ -74,7 +74,7 @@ std::optional<BundleWindow> BundleWindow::around(const Map& map, KeyFrameId keyf
         }
       }
     }
-    // Without any fixed keyframe the oldest one, which is the last, holds the rest in place.
+    // If no keyframe is fixed, the last (oldest) one becomes fixed.
     const bool held = window.poses_.size() > free;
     problem.free_poses = static_cast<int>(held ? free : free - 1);
     return problem.free_poses > 0 && !problem.p_w.empty();
@@ -89,7 +89,7 @@ bool BundleWindow::step() { return adjuster_->step(); }
 MapDelta BundleWindow::result() const {
   MapDelta delta;
   delta.epoch = epoch_;
-  // Half-solved, a window bends the map and takes good observations for outliers.
+  // A half-solved window distorts the map and rejects good observations as outliers.
   if (!adjuster_->robust_stage_done()) return delta;
   const BundleProblem& solved = adjuster_->problem();
   const std::vector<std::uint8_t> outlier = adjuster_->outliers();

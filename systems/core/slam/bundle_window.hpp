@@ -12,26 +12,26 @@
 
 namespace slambed {
 
-/// Whether the module that the space belongs to made the element.
+/// True if the module that owns the space made the element.
 template <typename Tag>
 constexpr bool made_by(Id<Tag> id, IdSpace space) {
   return id.value >> 56 == static_cast<std::uint64_t>(space);
 }
 
-/// What of the map a window may use and move.
+/// Which part of the map a window may use and move.
 struct BundleLimits {
-  /// Keyframes from before this sequence time take no part, not even as fixed ones: they would pull
-  /// the others back to where they were before a correction.
+  /// Leaves out keyframes before this sequence time, even as fixed ones: they would pull the others
+  /// back to where they were before a correction.
   double since_s = -std::numeric_limits<double>::infinity();
-  KeyFrameId held{};                 ///< does not move; none: none but the origin
-  std::optional<IdSpace> movable{};  ///< only keyframes of this module move; none: of any
+  KeyFrameId held{};                 ///< fixed in addition to the origin; may be none
+  std::optional<IdSpace> movable{};  ///< only keyframes of this module move; nothing: all may
 };
 
-/// The part of the map that a local bundle adjustment moves: a keyframe, all its covisibles, the
-/// points they see; every other keyframe that sees those points is held fixed, as is the origin.
+/// The part of the map that a local bundle adjustment moves: a keyframe, its covisibles, and the
+/// points they see. Every other keyframe that sees those points is fixed, as is the origin.
 class BundleWindow {
  public:
-  /// Memory that is worth keeping from one window to the next.
+  /// Memory that is reused from one window to the next.
   struct Scratch {
     struct Mark {
       std::uint32_t run = 0, place = 0;
@@ -42,7 +42,7 @@ class BundleWindow {
     std::vector<const FeatureSet*> features;  ///< per pose, while the map is read
   };
 
-  /// Nothing when the keyframe is gone or the map has fewer than three keyframes.
+  /// Nothing when the keyframe is gone, fewer than three keyframes exist, or no pose can move.
   static std::optional<BundleWindow> around(const Map& map, KeyFrameId keyframe,
                                             const BundleOptions& options, Scratch& scratch,
                                             const BundleLimits& limits = {});
@@ -50,7 +50,7 @@ class BundleWindow {
   bool step();
   /// Size of the problem, for the cost model of virtual time.
   std::size_t observations() const { return features_.size(); }
-  /// What it found so far: poses and positions one version on from those that were read, outliers
+  /// Returns the result so far: poses and positions with their versions increased by one, outliers
   /// detached. Empty before the robust stage is done.
   MapDelta result() const;
 

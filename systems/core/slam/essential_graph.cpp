@@ -23,7 +23,7 @@ class EdgeCollector {
     return static_cast<std::uint32_t>(at - ids_.begin());
   }
 
-  /// The pair keeps the relative pose it has among these poses.
+  /// Adds an edge that keeps the pair's relative pose in S_cw.
   void add(KeyFrameId from, KeyFrameId to, const std::vector<Sim3>& S_cw) {
     const auto i = place(from), j = place(to);
     if (!i || !j || !taken_.emplace(std::minmax(from, to)).second) return;
@@ -44,7 +44,7 @@ bool was_connected(const LoopCorrection::Moved& moved, KeyFrameId id) {
   return at != before.end() && at->id == id;
 }
 
-/// Links that the loop made: between the moved keyframes and what they are connected with only now.
+/// Adds the loop's new links: from moved keyframes to those that they are connected with only now.
 void hold_new_links(const MapView& view, const LoopCorrection& loop, const std::vector<Sim3>& S_cw,
                     EdgeCollector& edges) {
   edges.add(loop.keyframe, loop.matched, S_cw);
@@ -111,7 +111,7 @@ EssentialGraph::EssentialGraph(const Map& map, const LoopCorrection& loop, const
 
 MapDelta EssentialGraph::result(const Map& map) const {
   const std::vector<Sim3>& solved = graph_->problem().S_cw;
-  // The graph held the old side of the loop; the world is the one in which the origin never moves.
+  // The graph fixed the old side of the loop; in the map's world frame the origin never moves.
   Sim3 to_solved;
   const auto origin = std::lower_bound(ids_.begin(), ids_.end(), origin_);
   if (origin != ids_.end() && *origin == origin_)

@@ -14,11 +14,11 @@ namespace slambed {
 /// Pairs of keyframes (older, newer) that closed a loop.
 using LoopEdges = std::set<std::pair<KeyFrameId, KeyFrameId>>;
 
-/// Spreads the correction of a loop over the whole map: the spanning tree, strong covisibility and
-/// earlier loops hold relative poses as they were, the new links hold them as corrected.
+/// Distributes a loop's correction over the whole map: the spanning tree, strong covisibility and
+/// earlier loops keep their old relative poses, the new links keep the corrected ones.
 class EssentialGraph {
  public:
-  /// Reads the map after the loop's delta was committed.
+  /// Call it after the loop's delta was committed.
   EssentialGraph(const Map& map, const LoopCorrection& loop, const LoopEdges& earlier,
                  const PoseGraphOptions& options = {});
 

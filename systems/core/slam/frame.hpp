@@ -25,7 +25,7 @@ struct Frame {
   std::vector<Eigen::Vector3d> p_w;   ///< of the matched points
   std::vector<std::uint8_t> outlier;  ///< of the matched points, by the last pose optimization
 
-  /// Takes a new image and forgets everything else; keeps the memory.
+  /// Starts a new image and clears everything else; keeps the allocated memory.
   void begin(std::uint64_t frame_index, double time_s, std::shared_ptr<const FeatureSet> set) {
     index = frame_index;
     timestamp_s = time_s;
@@ -51,7 +51,7 @@ struct Frame {
     for (const MapPointId id : points) count += static_cast<bool>(id);
     return count;
   }
-  /// Takes away the matches that the pose optimization rejected.
+  /// Removes the matches that the pose optimization rejected.
   void drop_outliers() {
     for (std::size_t i = 0; i < points.size(); ++i)
       if (outlier[i]) {
@@ -61,7 +61,7 @@ struct Frame {
   }
 };
 
-/// What a search needs to know of a map point, copied out of the map.
+/// The data of a map point that a search needs, copied from the map.
 struct PointSketch {
   MapPointId id;
   Eigen::Vector3d p_w = Eigen::Vector3d::Zero();

@@ -8,10 +8,10 @@
 namespace slambed {
 namespace {
 
-/// Window at octave 0 for a point seen almost head-on, and otherwise (ORB-SLAM2, px).
+/// Search radius at octave 0 for points seen almost head-on and for all others (ORB-SLAM2).
 constexpr float kHeadOnRadius_px = 2.5f, kObliqueRadius_px = 4.0f;
 constexpr float kHeadOnCosine = 0.998f;
-/// Best / second distance, when both are on the same octave.
+/// Maximum ratio of best to second-best distance if both are on the same octave.
 constexpr float kLocalRatio = 0.8f;
 
 }  // namespace
@@ -41,7 +41,7 @@ int FrameSearch::match_last_frame(std::span<const SeenPoint> points, const SE3& 
   const Sensor& sensor = features.sensor();
   const Viewpoint camera(sensor, frame.T_cw);
   const double forward_m = (T_lw * camera.center()).z();
-  // Without a scale nobody knows how far forward is far.
+  // A monocular map has no metric scale to compare with the baseline.
   const bool forward = sensor.metric() && forward_m > sensor.camera.baseline_m();
   const bool backward = sensor.metric() && -forward_m > sensor.camera.baseline_m();
   const int top = sensor.pyramid.levels() - 1;

@@ -21,27 +21,28 @@ struct SeenPoint {
   float min_distance_m = 0, max_distance_m = 0;
 };
 
-/// The points a keyframe sees, copied in one short read; empty when it is not there.
+/// Copies the points that a keyframe sees in one short read; none if the map lacks it.
 void copy_seen_points(const Map& map, KeyFrameId keyframe, std::vector<SeenPoint>& out);
 
-/// The ways of finding map points in a frame, and the pose that follows. Keeps scratch memory.
+/// Searches for map points in a frame and optimizes its pose. Keeps scratch memory.
 class FrameSearch {
  public:
-  /// Motion model: the last frame's points around where frame.T_cw predicts them. T_lw is the last
-  /// frame's pose: moving forward, things grow and lower octaves are left out. Replaces all
-  /// matches.
+  /// Motion model: searches for the last frame's points around their projections with frame.T_cw.
+  /// T_lw is the last frame's pose: moving forward, features grow and lower octaves are left out.
+  /// Replaces all matches.
   int match_last_frame(std::span<const SeenPoint> points, const SE3& T_lw, float radius_px,
                        Frame& frame);
-  /// A keyframe's points by descriptor alone. Replaces all matches.
+  /// Matches a keyframe's points by descriptor alone. Replaces all matches.
   int match_by_descriptor(std::span<const SeenPoint> points, float ratio, Frame& frame);
-  /// Adds a keyframe's points around where frame.T_cw expects them; max_distance in bits.
+  /// Adds matches of a keyframe's points around their projections with frame.T_cw; max_distance in
+  /// bits.
   int add_projected(std::span<const SeenPoint> points, float radius_px, int max_distance,
                     Frame& frame);
-  /// Adds points of the local map; radius_factor widens the windows. Counts observations (found,
-  /// visible): every point that should be seen is "visible".
+  /// Adds matches of local map points; radius_factor widens the windows. Counts every point that
+  /// should be seen as visible (ORB-SLAM2's mnVisible).
   int add_local(LocalView& local, float radius_factor, Frame& frame);
 
-  /// Pose from all matches, marks outliers; returns the number of inliers.
+  /// Optimizes the pose with all matches and marks outliers; returns the number of inliers.
   int optimize_pose(Frame& frame);
 
  private:

@@ -43,7 +43,7 @@ WholeMap collect(const Map& map) {
     for (const Observation& seen : point->observations) {
       const auto place = std::lower_bound(place_of.begin(), place_of.end(),
                                           std::make_pair(seen.keyframe, std::uint32_t{0}));
-      if (place == place_of.end() || place->first != seen.keyframe) continue;  // made meanwhile
+      if (place == place_of.end() || place->first != seen.keyframe) continue;  // added meanwhile
       const FeatureSet& features = *view.keyframe(seen.keyframe)->features;
       const KeyPoint& p = features.keypoint(seen.feature);
       problem.observations.push_back({place->second, index, p.u, p.v,

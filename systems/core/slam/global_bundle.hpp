@@ -10,27 +10,27 @@
 
 namespace slambed {
 
-/// A map as a problem to solve, and what its poses and points are called. No points: there is
-/// nothing to move.
+/// A map as a bundle adjustment problem, with the ids of its poses and points. Without points there
+/// is nothing to move.
 struct WholeMap {
   std::vector<KeyFrameId> keyframes;  ///< per pose of the problem, the origin last
   std::vector<MapPointId> points;
   BundleProblem problem;
 };
-/// Reads the map part by part: others may change it meanwhile.
+/// Reads the map in parts, so that others can change it in between.
 WholeMap collect(const Map& map);
 
-/// Bundle adjustment of a whole map, the origin held. It works on a copy and takes steps; the map
-/// may grow and change meanwhile: the result is carried over to what was added.
+/// Bundle adjustment of a whole map with the origin fixed. It works on a copy, step by step. The
+/// map may change meanwhile: the result is carried over to elements added since.
 class GlobalBundle {
  public:
-  /// Nothing when there is nothing to move.
+  /// Returns nothing if there is nothing to move.
   static std::optional<GlobalBundle> of(const Map& map, const BundleOptions& options);
 
   bool step() { return adjuster_->step(); }
   double cost() const { return adjuster_->robust_cost(); }
   std::size_t observations() const { return adjuster_->problem().observations.size(); }
-  /// Against the map as it is now, which must not change until the delta is committed.
+  /// Returns a delta for the current map, which must not change until the delta is committed.
   MapDelta result(const Map& map) const;
 
  private:

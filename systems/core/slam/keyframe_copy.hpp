@@ -10,7 +10,7 @@
 
 namespace slambed {
 
-/// What a mapping stage works on instead of the map: taken in one short read.
+/// A keyframe's data, copied in one short read so that mapping does not hold the map.
 struct KeyFrameCopy {
   KeyFrameId id;
   std::shared_ptr<const FeatureSet> features;
@@ -22,7 +22,7 @@ inline KeyFrameCopy copy_of(const KeyFrame& keyframe) {
   return {keyframe.id, keyframe.features, keyframe.T_cw, keyframe.points};
 }
 
-/// The `count` keyframes that share most points with one.
+/// The `count` keyframes that share the most points with this one.
 inline std::vector<KeyFrameId> best_covisibles(const KeyFrame& keyframe, int count) {
   std::vector<KeyFrameId> best;
   const std::size_t n =

@@ -11,7 +11,7 @@ constexpr int kMinOtherObservers = 3;
 constexpr int kMinObservationWeight = 3;  ///< ORB-SLAM2's nObs > 3: a point is redundant above it
 constexpr int kOctaveTolerance = 1;       ///< the others may see it one octave coarser
 
-/// Whether enough others see the point that `own` is an observation of; `culled` are gone already.
+/// True if enough keyframes other than `own` see the point; those in `culled` no longer count.
 bool seen_enough(const MapPoint& point, KeyFrameId own, int own_octave,
                  const std::vector<KeyFrameId>& culled) {
   if (point.weight <= kMinObservationWeight) return false;
@@ -25,8 +25,8 @@ bool seen_enough(const MapPoint& point, KeyFrameId own, int own_octave,
   return false;
 }
 
-/// Whether more than the share of the keyframe's points need it not. Most keyframes are far from
-/// that: a few of their points show it.
+/// True if more than redundant_share of the keyframe's points do not need it. Stops early, because
+/// a few points usually show the opposite.
 bool redundant(const MapView& view, const KeyFrame& keyframe, const std::vector<KeyFrameId>& culled,
                double redundant_share) {
   const Sensor& sensor = keyframe.features->sensor();
@@ -58,7 +58,7 @@ MapDelta redundant_keyframes(const Map& map, KeyFrameId keyframe, double redunda
         if (near.id != view.origin()) candidates.push_back(near.id);
     return 0;
   });
-  // One short read per candidate: nothing else waits long for the map.
+  // One short read per candidate, so that no other worker waits long for the map.
   for (const KeyFrameId id : candidates) {
     const bool cull = map.read([&](const MapView& view) {
       const KeyFrame* candidate = view.keyframe(id);

@@ -5,8 +5,8 @@
 
 namespace slambed {
 
-/// Keyframe culling: covisibles of a keyframe nearly all of whose close points (without depth: all)
-/// are seen as well or better by at least three others. The origin and the keyframe itself stay.
+/// Culls covisibles of a keyframe if nearly all of their close points (mono: all points) are seen
+/// by at least three others, at most one octave coarser. Keeps the origin and the keyframe itself.
 MapDelta redundant_keyframes(const Map& map, KeyFrameId keyframe, double redundant_share);
 
 }  // namespace slambed

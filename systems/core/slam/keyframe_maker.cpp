@@ -8,7 +8,7 @@
 namespace slambed {
 namespace {
 
-/// Nearest features that have or get a point even when they are not close (ORB-SLAM2).
+/// Number of nearest features that get a point even if they are not close (ORB-SLAM2).
 constexpr int kNearestWanted = 100;
 
 /// Brings the frame's matches up to date: fused points are replaced, each point stays only once.

@@ -12,15 +12,15 @@ enum class NewPoints {
   kCloseOrNearest,  ///< all close ones, and at least the hundred nearest
 };
 
-/// Counts and hands out ids of everything a tracker creates.
+/// Id sources for the elements that a tracker creates.
 struct TrackerIds {
   explicit TrackerIds(IdSpace space) : keyframes(space), points(space) {}
   IdSource<KeyFrameId> keyframes;
   IdSource<MapPointId> points;
 };
 
-/// The delta that makes a keyframe of the frame at T_cw: its matches, and new points from depth for
-/// features without a match. New points are entered in frame.points too.
+/// Returns the delta that makes a keyframe of the frame at T_cw: its matches, and new points from
+/// depth for unmatched features. Adds the new points to frame.points too.
 MapDelta make_keyframe(const Map& map, Frame& frame, const SE3& T_cw, NewPoints rule,
                        TrackerIds& ids);
 

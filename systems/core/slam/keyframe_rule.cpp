@@ -5,7 +5,7 @@ namespace slambed {
 namespace {
 
 constexpr float kYoungMapRatio = 0.4f;  ///< c2 while the map has a single keyframe
-constexpr int kLeastInliers = 15;       ///< c2 asks for more than this
+constexpr int kLeastInliers = 15;       ///< c2 requires more than this
 constexpr int kYoungMap = 2;            ///< keyframes
 
 }  // namespace

@@ -5,12 +5,12 @@
 
 namespace slambed {
 
-/// Points of the reference keyframe count from this weight on: well observed ones, but all of them
-/// in a young map or where frames are so far apart that few points are ever seen often. A local map
-/// that an edge made of one keyframe of a single camera has none that weighs more than one.
+/// Minimum weight at which a point of the reference keyframe counts. It is lower in a young map,
+/// and if frames are so far apart that few points are ever seen often. In a monocular local map
+/// that an edge made of one keyframe, no point weighs more than one.
 int least_reference_weight(const KeyFrameEvidence& evidence);
 
-/// ORB-SLAM2's rule without what the mapper's side knows.
+/// ORB-SLAM2's rule without the conditions on the mapper.
 KeyFrameNeed keyframe_need(const TrackerOptions& options, const KeyFrameEvidence& evidence);
 
 /// The whole rule.

@@ -5,14 +5,13 @@
 
 namespace slambed {
 
-/// Arrays of points and results have room for this many beyond the last.
+/// Arrays of points and results must have this many accessible elements beyond the last.
 inline constexpr std::size_t kLineSlack = 16;
 
-/// Points to look for near lines, in arrays.
+/// Image points that may lie near lines.
 struct LinePoints {
   const float *u, *v;  ///< px
-  const float*
-      limit;  ///< of the squared distance, px^2; negative: not to be found (also the slack)
+  const float* limit;  ///< of the squared distance, px^2; negative (as in the slack): never found
   std::size_t count;
 };
 
@@ -21,11 +20,11 @@ struct ImageLine {
   float x, y, z, norm2;
 };
 
-/// Finds the points near a line. All implementations give the same; their files use nothing inline
-/// from elsewhere (features/kernels.hpp says why).
+/// Finds the points near a line. All implementations return the same. Their files must not use
+/// inline functions from other headers (see features/kernels.hpp).
 struct LineKernels {
   const char* name;
-  /// Numbers of the points within their limits, ascending; returns how many.
+  /// Writes the indices of the points within their limits, ascending; returns their number.
   std::size_t (*near)(const LinePoints& points, const ImageLine& line, int* numbers);
 };
 

@@ -5,7 +5,7 @@
 namespace slambed {
 namespace {
 
-constexpr std::size_t kBlock = 16;  ///< points at a time: whole vectors for the compiler
+constexpr std::size_t kBlock = 16;  ///< points per iteration, so that the compiler can vectorize
 static_assert(kBlock <= kLineSlack);
 
 std::size_t near(const LinePoints& points, const ImageLine& line, int* numbers) {

@@ -13,9 +13,9 @@
 namespace slambed {
 namespace {
 
-// ORB-SLAM2's probation of new points: found in at least a quarter of the frames that should see
-// them, and after two keyframes observed with more than weight three (two without depth, where an
-// observation weighs one); free after three.
+// ORB-SLAM2's MapPointCulling: a new point must be found in at least a quarter of the frames that
+// should see it. From the second keyframe after its own its weight must exceed three (mono: two, as
+// an observation weighs one). After the third it stays.
 constexpr double kLeastFoundShare = 0.25;
 constexpr int kMinAgeForObserverTest = 2;  ///< keyframes
 constexpr int kLeastWeight = 3, kLeastWeightMono = 2;
@@ -42,8 +42,8 @@ struct LocalMapper::Impl {
   std::shared_ptr<Map> map;
   IdSource<MapPointId> point_ids;
   KeyFrameId current;
-  int neighbors = 0;     ///< of the current keyframe to work with
-  int least_weight = 0;  ///< that a recent point must exceed
+  int neighbors = 0;     ///< of the current keyframe that are used
+  int least_weight = 0;  ///< a recent point must exceed it
   int keyframes = 0;     ///< inserted so far
   std::vector<Recent> recent;
   PointTriangulation triangulation;
@@ -53,7 +53,7 @@ struct LocalMapper::Impl {
   std::optional<BundleWindow> window;
 };
 
-/// Names nothing new as the map names something already.
+/// Switches to a map and reserves the point ids that it uses.
 void LocalMapper::Impl::work_on(std::shared_ptr<Map> other) {
   map = std::move(other);
   map->read([&](const MapView& view) {

@@ -11,15 +11,15 @@
 namespace slambed {
 
 struct LocalMapperOptions {
-  int neighbors = 10;        ///< best covisibles used for triangulation and fusion ...
-  int neighbors_mono = 20;   ///< ... where every point must be triangulated
+  int neighbors = 10;        ///< best covisibles used for triangulation and fusion
+  int neighbors_mono = 20;   ///< the same for mono, where every point must be triangulated
   int second_neighbors = 5;  ///< of each neighbor, for fusion
-  /// ORB-SLAM2's KeyFrameCulling: a keyframe goes when more than this share of its close points
-  /// (without depth: all) has a weight above 3 and is seen by at least 3 others, at most one octave
+  /// ORB-SLAM2's KeyFrameCulling: a keyframe is culled if more than this share of its close points
+  /// (mono: all points) has a weight above 3 and is seen by at least 3 others, at most one octave
   /// coarser (`keyframe_culling.cpp`).
   double redundant_share = 0.9;
-  /// How old a new point is: by the ids of keyframes, which also count those that were made and
-  /// never came (Edge-SLAM), instead of by the keyframes mapped since.
+  /// Measures the age of a new point by keyframe ids instead of by keyframes mapped since. As in
+  /// Edge-SLAM, ids also count keyframes that were made but never arrived.
   bool ages_by_id = false;
   BundleOptions bundle;
 
@@ -28,13 +28,13 @@ struct LocalMapperOptions {
   }
 };
 
-/// ORB-SLAM2's local mapping, one call per stage. Each call reads the map, computes without holding
-/// it and returns the delta; the caller commits it, so that in virtual time effects appear when the
+/// ORB-SLAM2's local mapping, one call per stage. Each call reads the map, computes without its
+/// lock and returns a delta. The caller commits it, so that in virtual time effects appear when the
 /// work is done. Order per keyframe: insert, cull_points, triangulate, fuse, begin_bundle /
 /// step_bundle / finish_bundle, cull_keyframes.
 class LocalMapper {
  public:
-  /// Keyframes after its own until a point is culled for its observations no more.
+  /// Number of later keyframes during which a new point can still be culled for few observations.
   static constexpr int kProbationKeyFrames = 3;
 
   LocalMapper(LocalMapperOptions options, std::shared_ptr<Map> map, IdSpace ids);
@@ -45,21 +45,21 @@ class LocalMapper {
   MapDelta cull_points();
   MapDelta triangulate();
   MapDelta fuse();
-  /// False when there is nothing to optimize (fewer than three keyframes).
+  /// False when there is nothing to optimize, for example with fewer than three keyframes.
   bool begin_bundle();
-  /// One iteration; false when finished. Stop calling it to interrupt; before the robust stage is
-  /// done there is no result then.
+  /// Runs one iteration; false when finished. The caller may stop early, but before the robust
+  /// stage is done there is no result.
   bool step_bundle();
   MapDelta finish_bundle();
-  /// Observations in the bundle at hand: what its steps cost time for.
+  /// Observations in the current bundle, which determine the cost of a step.
   std::size_t bundle_observations() const;
   MapDelta cull_keyframes();
 
   /// Continues on another map (hand-over); pending work is dropped.
   void replace_map(std::shared_ptr<Map> map);
-  /// For bundles that begin from now on.
+  /// Applies to bundles that begin from now on.
   void limit_bundles(const BundleLimits& limits);
-  /// Makes its next points with ids behind this one.
+  /// Gives later points ids above this one.
   void skip(MapPointId used);
 
  private:

@@ -8,7 +8,7 @@ namespace {
 
 /// Covisibles tried per local keyframe (ORB-SLAM2).
 constexpr std::size_t kNeighborsTried = 10;
-/// Covisibles of a keyframe that are around it.
+/// Covisibles that gather_around() takes in.
 constexpr std::size_t kNeighborsGathered = 10;
 
 }  // namespace
@@ -78,7 +78,7 @@ void LocalView::add_neighbors(const MapView& view) {
     chosen_.push_back(id);
     return true;
   };
-  // Per keyframe that was voted for: its best new covisible, one new child and its parent.
+  // For each keyframe with votes: its best new covisible, one new child and its parent.
   const std::size_t voted = chosen_.size();
   for (std::size_t i = 0; i < voted && chosen_.size() <= kMaxKeyFrames; ++i) {
     const KeyFrame& keyframe = *view.keyframe(chosen_[i]);

@@ -11,31 +11,31 @@
 
 namespace slambed {
 
-/// The tracker's copy of the part of the map around the current frame: keyframes that share points
-/// with it, their neighbors, and all their points. It is copied again only when the map or the set
-/// of keyframes has changed, and counts observations (found, visible) until a delta carries them
-/// away. (ORB-SLAM2's UpdateLocalMap.)
+/// The tracker's copy of the map around the current frame (ORB-SLAM2's UpdateLocalMap): keyframes
+/// that share points with it, their neighbors, and all their points. It is copied again only if the
+/// map or the set of keyframes has changed. It also counts observations (found, visible) until a
+/// delta takes them.
 class LocalView {
  public:
-  /// Largest list of keyframes that still grows by neighbors (ORB-SLAM2).
+  /// Neighbors are added until the list has more keyframes than this (ORB-SLAM2).
   static constexpr std::size_t kMaxKeyFrames = 80;
 
-  /// A point and the tracker's notes on it.
+  /// The tracker's notes on a point.
   struct Mark {
     std::uint32_t collected = 0;           ///< number of the copy that holds it
-    std::uint32_t look = 0;                ///< last search that matched or looked for it
-    std::uint32_t visible = 0, found = 0;  ///< observations not yet handed on
+    std::uint32_t look = 0;                ///< last search that skipped it as matched
+    std::uint32_t visible = 0, found = 0;  ///< observations not yet in a delta
   };
 
-  /// What one look at the map found.
+  /// Result of an update.
   struct Update {
-    KeyFrameId reference;  ///< most votes, none when nothing in the frame is known
+    KeyFrameId reference;  ///< keyframe with the most votes; none if the map has no matched point
     SE3 T_rw;
     bool copied = false;
   };
 
-  /// Chooses the keyframes by the frame's votes and copies their points. Matches of the frame whose
-  /// points are gone are taken away. may_refer tells which keyframes can become the reference.
+  /// Chooses keyframes by the votes of the frame's matches and copies their points. Removes matches
+  /// whose points are gone. may_refer(id) tells which keyframes can become the reference.
   template <typename MayRefer>
   Update update(const Map& map, Frame& frame, MayRefer&& may_refer) {
     return map.read([&](const MapView& view) {
@@ -43,7 +43,7 @@ class LocalView {
       Update result;
       int most = 0;
       for (const Vote& v : votes_) {
-        if (v.count < most || !may_refer(v.id)) continue;  // of equals the newest
+        if (v.count < most || !may_refer(v.id)) continue;  // the newest wins a tie
         most = v.count;
         result.reference = v.id;
       }
@@ -53,7 +53,7 @@ class LocalView {
     });
   }
 
-  /// Copies what lies around a keyframe, for a frame with no matches; nothing when it is not there.
+  /// Copies the points around a keyframe, for a frame without matches; none if the map lacks it.
   void gather_around(const Map& map, KeyFrameId keyframe);
 
   std::span<const PointSketch> points() const { return points_; }
@@ -61,10 +61,10 @@ class LocalView {
   Mark& mark(std::size_t i) { return *marks_of_points_[i]; }
   Mark* mark(MapPointId id) { return marks_.make(id); }
 
-  /// A search begins; returns its number for Mark::look. What the one before it saw and nobody kept
-  /// is forgotten: a wrong pose says nothing about the points that it does not see.
+  /// Starts a search and returns its number for Mark::look. Discards the last search's counts
+  /// unless they were kept: a wrong pose proves nothing about points that it misses.
   std::uint32_t begin_look();
-  /// Notes observations in this search.
+  /// Counts an observation in this search.
   void count_visible(std::size_t i) { seen_.push_back({points_[i].id, marks_of_points_[i], 0}); }
   void count_visible(MapPointId id) {
     if (Mark* m = mark(id)) seen_.push_back({id, m, 0});
@@ -72,7 +72,7 @@ class LocalView {
   void count_found(MapPointId id) {
     if (Mark* m = mark(id)) seen_.push_back({id, m, 1});
   }
-  /// The pose of this search was right: its observations count.
+  /// Keeps the counts of this search because its pose was right.
   void keep_observation_counts();
   /// All observations since the last call as absolute counters, ascending by id.
   std::vector<PointObservationCounts> take_observation_counts(const Map& map);
@@ -87,7 +87,7 @@ class LocalView {
   struct PointObservation {
     MapPointId id;
     Mark* mark;
-    int found;  ///< 0: should be visible
+    int found;  ///< 1: was found; 0: should be visible
   };
   void vote(const MapView& view, Frame& frame);
   bool collect(const MapView& view);
@@ -108,7 +108,7 @@ class LocalView {
   std::vector<Mark*> marks_of_points_;
   SlotTable<MapPointId, Mark> marks_;
   std::uint32_t look_ = 0;
-  std::vector<PointObservation> seen_;  ///< in the search at hand
+  std::vector<PointObservation> seen_;  ///< in the current search
   std::vector<MapPointId> observed_;
 };
 

@@ -18,13 +18,13 @@ struct LoopCloserOptions {
   BundleOptions bundle{.robust_iterations = 10, .final_iterations = 0};
 };
 
-/// ORB-SLAM2's loop closing, one call per stage. Each call reads the map, computes without holding
-/// it and returns the delta; the caller commits it. Per keyframe that mapping is done with: detect,
-/// then where it says so verify, then where that says so
+/// ORB-SLAM2's loop closing, one call per stage. Each call reads the map, computes without its lock
+/// and returns a delta, which the caller commits. For each mapped keyframe: detect, and verify if
+/// that returns true. If that returns true as well:
 ///   correct - commit - begin_graph / step_graph / finish_graph - commit
-/// with nobody else changing the map, and begin_bundle / step_bundle / finish_bundle - commit in
-/// the background: mapping may go on during its steps, only between finish_bundle and its commit
-/// the map must rest. A bundle that is begun again, or a correction, ends the one under way.
+/// while nobody else changes the map, then begin_bundle / step_bundle / finish_bundle - commit in
+/// the background. Mapping may continue during the bundle's steps, but the map must not change
+/// between finish_bundle and its commit. A new bundle or a correction ends the current bundle.
 class LoopCloser {
  public:
   LoopCloser(LoopCloserOptions options, std::shared_ptr<Map> map,
@@ -33,9 +33,9 @@ class LoopCloser {
 
   /// True when the keyframe looks like an old part of the map.
   bool detect(KeyFrameId keyframe);
-  /// True when one of the candidates is one: a loop.
+  /// True when one of the candidates closes a loop.
   bool verify();
-  /// Puts the keyframe and its neighbors in their place and joins both parts of the map.
+  /// Moves the keyframe and its covisibles to their corrected poses and joins both map parts.
   MapDelta correct();
 
   bool begin_graph();
@@ -46,7 +46,7 @@ class LoopCloser {
   bool step_bundle();
   MapDelta finish_bundle();
 
-  /// The loop found last; keyframes are none before the first.
+  /// The last loop found; its keyframes are none before the first.
   const LoopMatch& loop() const;
 
   /// Continues on another map; pending work is dropped.

@@ -45,7 +45,7 @@ LoopCorrection LoopCorrector::correct(const Map& map, const LoopMatch& match) {
   return loop;
 }
 
-/// All keyframes of the group move alike, so one change of the world holds for all their points.
+/// All keyframes of the group move by the same world transform, which also applies to their points.
 void LoopCorrector::move_points(const MapView& view, const LoopMatch& match, LoopCorrection& loop) {
   const Sim3 change = match.S_cw.inverse() * to_sim3(view.keyframe(match.keyframe)->T_cw);
   for (const Target& target : targets_)
@@ -67,7 +67,7 @@ MapPointId LoopCorrector::alive(MapPointId id) const {
   return id;
 }
 
-/// The feature sees the old point: it takes it on, or what it saw is the same thing.
+/// The feature sees the old point: attaches it, or fuses the feature's own point into it.
 void LoopCorrector::join(Target& target, int feature, MapPointId old_point, LoopCorrection& loop) {
   const MapPointId mine = alive(target.keyframe.points[feature]);
   const MapPointId old = alive(old_point);

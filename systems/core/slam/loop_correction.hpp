@@ -8,21 +8,21 @@
 
 namespace slambed {
 
-/// A closed loop: the new keyframe and its neighbors put where the old part of the map says.
+/// Correction of a loop: moves the new keyframe and its covisibles to the old part of the map.
 struct LoopCorrection {
   struct Moved {
     KeyFrameId id;
     Sim3 before, after;
-    std::vector<Covisible> connected_before;  ///< shared a point with it; ascending
+    std::vector<Covisible> connected_before;  ///< keyframes that shared a point with it; ascending
   };
   KeyFrameId keyframe, matched;
   std::vector<Moved> moved;              ///< the new keyframe and its covisibles, ascending
-  std::vector<MapPointId> moved_points;  ///< went with the new keyframe; ascending
+  std::vector<MapPointId> moved_points;  ///< moved with these keyframes; ascending
   MapDelta delta;  ///< poses, positions, new observations of old points, fusions into them
 };
 
-/// Reads the map, which must not change until the delta is committed. An empty delta when one of
-/// the keyframes is gone.
+/// The map must not change until the delta is committed. The delta is empty if one of the keyframes
+/// is gone.
 class LoopCorrector {
  public:
   LoopCorrection correct(const Map& map, const LoopMatch& match);

@@ -11,38 +11,38 @@ namespace slambed {
 
 /// ORB-SLAM2's limits.
 struct LoopDetectorOptions {
-  int quiet_keyframes = 10;  ///< after a loop that was closed
-  int consistency = 3;       ///< keyframes before this one that led to the same part of the map
-  /// Best groups looked at. ORB-SLAM2 looks at all, and in a large map whose places look alike that
-  /// is most of the map.
+  int quiet_keyframes = 10;  ///< keyframes skipped after a closed loop
+  int consistency = 3;       ///< earlier keyframes that must have led to the same part of the map
+  /// Number of best candidates that are considered. ORB-SLAM2 considers all, which in a large map
+  /// of similar places is most of the map.
   std::size_t candidates = 20;
 };
 
-/// Watches keyframe after keyframe for one that looks like an old part of the map: as similar as
-/// its own neighbors are, not connected to them, and several times running.
+/// Detects keyframes that look like an old part of the map: at least as similar as their own
+/// covisibles, not connected to them, and several times in a row.
 class LoopDetector {
  public:
   LoopDetector(LoopDetectorOptions options, std::shared_ptr<PlaceIndex> places)
       : options_(options), places_(std::move(places)) {}
 
-  /// Keyframes that may close a loop with this one, best first. Takes the keyframe into the index.
+  /// Keyframes that may close a loop with this one, best first. Updates the index from the map.
   std::vector<KeyFrameId> detect(const Map& map, KeyFrameId keyframe);
-  /// A loop was closed: be quiet for a while.
+  /// Call it when a loop was closed; the next keyframes are then skipped.
   void closed();
-  /// Forgets what led here (another map).
+  /// Clears the history, for another map.
   void reset();
 
  private:
-  /// A candidate with everything that shares a point with it.
+  /// A candidate and all keyframes that share a point with it.
   struct Group {
     std::vector<KeyFrameId> keyframes;  ///< ascending
-    int seen = 0;                       ///< times running that a keyframe led to it
+    int seen = 0;                       ///< earlier keyframes in a row that led to it
   };
 
   LoopDetectorOptions options_;
   std::shared_ptr<PlaceIndex> places_;
-  std::vector<Group> groups_;  ///< of the keyframe before
-  int quiet_ = 0;              ///< keyframes still to let pass
+  std::vector<Group> groups_;  ///< of the previous keyframe
+  int quiet_ = 0;              ///< keyframes still to skip
 };
 
 }  // namespace slambed

@@ -11,7 +11,7 @@
 namespace slambed {
 namespace {
 
-/// Where a point of this camera frame is seen; false behind the camera or outside the image.
+/// Projects a point in the camera frame; false if behind the camera or outside the image.
 bool project_local(const Sensor& sensor, const Eigen::Vector3d& p_c, Projection& out) {
   return Viewpoint(sensor, SE3()).project(p_c, out);
 }
@@ -119,7 +119,7 @@ bool LoopVerifier::estimate(Pairs& pairs, Sim3& S_12, bool from_scratch) const {
   return true;
 }
 
-/// Per feature of `from`: the feature of `into` that looks most like its point there, or -1.
+/// Returns per feature of `from` the feature of `into` that best matches its point, or -1.
 std::vector<int> LoopVerifier::project(const Side& from, const Side& into, const Sim3& S_into_from,
                                        std::span<const std::uint8_t> taken_from,
                                        std::span<const std::uint8_t> taken_into) {
@@ -132,7 +132,7 @@ std::vector<int> LoopVerifier::project(const Side& from, const Side& into, const
     const Eigen::Vector3d p = S_into_from * (from.keyframe.T_cw * point.p_w);
     Matcher::Query query;
     if (!project_local(sensor, p, query.at)) continue;
-    // Distances in the scale of the point's own side.
+    // Compares distances in the scale of the point's own side.
     const auto distance_m = static_cast<float>(p.norm() / S_into_from.scale);
     if (distance_m < kNearest * point.min_distance_m ||
         distance_m > kFarthest * point.max_distance_m)
@@ -149,7 +149,7 @@ std::vector<int> LoopVerifier::project(const Side& from, const Side& into, const
   return found;
 }
 
-/// Pairs of points that find each other with the similarity known so far.
+/// Adds pairs that match in both directions under the current similarity.
 void LoopVerifier::add_pairs(const Sim3& S_12, Pairs& pairs) {
   std::vector<std::uint8_t> taken_1(current_.of_feature.size()),
       taken_2(matched_.of_feature.size());

@@ -12,12 +12,12 @@
 
 namespace slambed {
 
-/// Two keyframes that show the same place, and what follows from it.
+/// Two keyframes that show the same place, and their matches.
 struct LoopMatch {
-  KeyFrameId keyframe;  ///< the new one
-  KeyFrameId matched;   ///< the old one
-  Sim3 S_cw;            ///< where the new one should be, seen from the old part of the map
-  std::vector<MapPointId> points;       ///< per feature of the new one: old point it sees, or none
+  KeyFrameId keyframe;             ///< the new one
+  KeyFrameId matched;              ///< the old one
+  Sim3 S_cw;                       ///< corrected pose of the new one, from the old part of the map
+  std::vector<MapPointId> points;  ///< per feature of the new one: old point it sees, or none
   std::vector<MapPointId> loop_points;  ///< all points of the old part, ascending
   int matches = 0;                      ///< of the new keyframe with old points
 };
@@ -28,18 +28,18 @@ struct LoopVerifierOptions {
   int least_matches = 20;       ///< by words, and inliers of every estimate
   int least_total = 40;         ///< with the points of the old keyframe's neighbors
   float pair_radius_px = 7.5f;  ///< guided search between the two keyframes
-  float points_radius_px = 10;  ///< ... for all points of the old part
+  float points_radius_px = 10;  ///< the same for all points of the old part
 };
 
-/// Decides whether a candidate really closes a loop: matches by words, a similarity that holds in
-/// both images, a guided search for more matches.
+/// Decides whether a candidate closes a loop: matches by words, estimates a similarity (Sim3) that
+/// holds in both images, and searches for more matches with it.
 class LoopVerifier {
  public:
   LoopVerifier(LoopVerifierOptions options, std::shared_ptr<PlaceIndex> places)
       : options_(options), places_(std::move(places)) {}
 
   std::optional<LoopMatch> verify(const Map& map, KeyFrameId keyframe, KeyFrameId candidate);
-  /// The same for a keyframe that is not in the map: fresh has it, with all points that it sees.
+  /// The same for a keyframe that is not in the map; fresh holds it and all points that it sees.
   std::optional<LoopMatch> verify(const Map& map, const MapDelta& fresh, const BagOfWords& bag,
                                   KeyFrameId candidate);
 
@@ -48,7 +48,7 @@ class LoopVerifier {
   struct Side {
     KeyFrameCopy keyframe;
     std::vector<PointSketch> points;
-    std::vector<int> of_feature;  ///< place in points or -1
+    std::vector<int> of_feature;  ///< index into points or -1
     std::vector<std::uint8_t> has_point;
   };
   using Pairs = std::vector<std::pair<int, int>>;  ///< feature of the new one, of the old one
@@ -57,9 +57,9 @@ class LoopVerifier {
   static Side side_of(const MapDelta& fresh);
   std::optional<LoopMatch> compare(const Map& map, const BagOfWords& bag,
                                    const BagOfWords& candidate_bag);
-  /// What only a candidate that holds so far is worth.
+  /// Copies the points of the old part; called only for candidates that have passed so far.
   bool copy_loop_points(const Map& map, KeyFrameId candidate);
-  /// Similarity of the pairs, from scratch or from a start; keeps the pairs that fit.
+  /// Estimates the similarity of the pairs, from scratch or from S_12; keeps only pairs that fit.
   bool estimate(Pairs& pairs, Sim3& S_12, bool from_scratch) const;
   void add_pairs(const Sim3& S_12, Pairs& pairs);
   std::vector<int> project(const Side& from, const Side& into, const Sim3& S_into_from,
@@ -74,7 +74,7 @@ class LoopVerifier {
   std::vector<PointSketch> loop_points_;  ///< ascending by id
 };
 
-/// Sketches of the points with these ids that are alive, in the same order.
+/// Sketches of those points that still exist, in the same order.
 std::vector<PointSketch> sketch_points(const MapView& view, std::span<const MapPointId> ids);
 
 }  // namespace slambed

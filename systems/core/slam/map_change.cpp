@@ -25,7 +25,7 @@ MapChange shared_keyframe(const Map& old_map, const Map& new_map, KeyFrameId old
     KeyFrameId id;
     SE3 T_cw;
   };
-  // In order of preference: the reference itself, its covisibles, then everything from the newest.
+  // In order of preference: the reference itself, its covisibles, then all keyframes, newest first.
   const std::vector<KnownPose> known = old_map.read([&](const MapView& view) {
     std::vector<KnownPose> list;
     if (const auto pose = view.pose_of(old_reference)) list.push_back({old_reference, *pose});

@@ -9,28 +9,27 @@
 
 namespace slambed {
 
-/// New poses for part of a map, carried over to all of it: keyframes that are not mentioned follow
-/// their parents in the spanning tree, points follow a keyframe. What was added to the map while
-/// the poses were computed thus moves along.
+/// Extends new poses for part of a map to the whole map: other keyframes follow their parents in
+/// the spanning tree, and points follow a keyframe. Elements that were added while the poses were
+/// computed thus move along.
 class MapCorrection {
  public:
-  /// before: where the points that go with the keyframe believe it to be (its pose in the map, with
-  /// the scale of its surroundings).
+  /// before: the pose, with scale, that the keyframe's points currently refer to.
   void move(KeyFrameId id, const Sim3& before, const Sim3& after);
-  /// The point goes with this keyframe instead of its reference.
+  /// The point follows this keyframe instead of its reference.
   void anchor(MapPointId point, KeyFrameId keyframe) { anchors_[point] = keyframe; }
-  /// The point's position is known.
+  /// Sets the point's new position directly.
   void place(MapPointId point, const Eigen::Vector3d& p_w) { placed_[point] = p_w; }
 
-  /// Every keyframe and point that moves, one version on.
+  /// Returns every keyframe and point that moves, with versions increased by one.
   MapDelta delta(const MapView& view) const;
 
  private:
   struct Move {
     Sim3 before, after;
   };
-  /// Carries points of the old map to the corrected one as seen from a keyframe; nothing when
-  /// neither it nor any of its ancestors moves.
+  /// Returns the transform from the old to the corrected map at a keyframe; nothing if neither it
+  /// nor any of its ancestors moves.
   std::optional<Sim3> change_at(const MapView& view, KeyFrameId id) const;
 
   std::map<KeyFrameId, Move> moves_;

@@ -31,7 +31,7 @@ class Viewpoint {
 
   /// False when behind the camera or outside the image.
   bool project(const Eigen::Vector3d& p_w, Projection& out) const;
-  /// The same and within the point's distance range and viewing angle.
+  /// Also false when outside the point's distance range or viewing angle.
   bool sees(const PointSketch& point, Projection& out) const;
 
   const SE3& T_cw() const { return T_cw_; }
@@ -43,8 +43,8 @@ class Viewpoint {
   Eigen::Vector3d center_;
 };
 
-/// Keeps matches whose change of keypoint orientation agrees with the majority: 30 degree bins, the
-/// three fullest ones, the second and third only with a tenth of the fullest.
+/// Keeps matches whose change of keypoint orientation agrees with the majority: of bins of 30
+/// degrees the three fullest, the second and third only with a tenth of the fullest.
 class RotationCheck {
  public:
   void clear();
@@ -62,7 +62,7 @@ class Matcher {
  public:
   struct Query {
     Projection at;
-    float radius_px = 0;  ///< window and limit of the right-coordinate error
+    float radius_px = 0;  ///< window size, also the limit of the right_u error
     int min_octave = 0, max_octave = 0;
     const Descriptor* descriptor = nullptr;
   };
@@ -90,7 +90,7 @@ class Matcher {
 
   /// Matches points of one image with features of another by descriptor alone: distance at most
   /// kHammingLow, best / second below ratio, rotation check; a feature goes to its best point.
-  /// Returns (place in `points`, feature) pairs, ascending by feature.
+  /// Returns pairs (index into `points`, feature), ascending by feature.
   struct Seen {
     const Descriptor* descriptor;
     float angle_deg;

@@ -7,13 +7,13 @@
 namespace slambed {
 namespace {
 
-/// A candidate shares more than this part of the words that the best one shares.
+/// A candidate must share more than this fraction of the words that the best one shares.
 constexpr double kCommonWordShare = 0.8;
-/// A group of covisible candidates counts when it reaches this part of the best group's score.
+/// A group of covisible candidates must exceed this fraction of the best group's score.
 constexpr double kGroupScoreShare = 0.75;
 constexpr std::size_t kGroupNeighbors = 10;
 
-/// Lists lie all over memory and are short: most of a walk would be waiting for them.
+/// Posting lists are short and scattered in memory, so this many are prefetched ahead.
 constexpr std::size_t kListsAhead = 4;
 constexpr std::size_t kCacheLine_bytes = 64;
 
@@ -140,8 +140,8 @@ PlaceIndex::Bag PlaceIndex::bag(KeyFrameId keyframe) const {
   return entry ? entry->bag : nullptr;
 }
 
-/// Keyframes that share many words with the bag and are similar enough, ascending, with their
-/// similarity: one walk over the postings counts the words and adds up the similarity.
+/// Returns keyframes that share many words with the bag and are similar enough, ascending, with
+/// their similarity. One pass over the postings counts the words and sums the similarity.
 PlaceIndex::Scores PlaceIndex::similar(const BagOfWords& bag, std::span<const KeyFrameId> exclude,
                                        double min_score) const {
   struct Shared {

@@ -15,9 +15,9 @@
 
 namespace slambed {
 
-/// Which keyframes look like this image? An inverted file from visual words to keyframes, with
-/// ORB-SLAM2's rules for choosing among them (its KeyFrameDatabase). May be shared between threads:
-/// tracking asks while loop closing adds. Its lock is taken after a map's, never before.
+/// Finds keyframes that look like an image: an inverted file from visual words to keyframes with
+/// the selection rules of ORB-SLAM2's KeyFrameDatabase. Thread-safe: tracking queries while loop
+/// closing adds. Lock order: the map's lock before the index's, never the other way round.
 class PlaceIndex {
  public:
   using Bag = std::shared_ptr<const BagOfWords>;
@@ -25,21 +25,21 @@ class PlaceIndex {
   explicit PlaceIndex(std::shared_ptr<const Vocabulary> vocabulary);
 
   const Vocabulary& vocabulary() const { return *vocabulary_; }
-  /// Takes in the keyframes of a map that are missing here and drops those it does not have; costs
-  /// what changed since the last call. Of two calls at a time the one that saw less may end last:
-  /// the next call makes up for it.
+  /// Adds the map's keyframes that are missing here and removes those that the map lacks. Its cost
+  /// depends on what changed since the last call. If two calls overlap, the one with the older view
+  /// may end last; the next call corrects that.
   void update_from(const Map& map);
   void add(KeyFrameId keyframe, BagOfWords bag);
   void remove(KeyFrameId keyframe);
   void clear();
   std::size_t size() const;
-  /// Null for a keyframe that is not here.
+  /// Null for an unknown keyframe.
   Bag bag(KeyFrameId keyframe) const;
 
-  /// Keyframes that may show the place of a lost frame, best group first. The map is read for their
-  /// groups alone: the search, which takes longer the larger the map is, keeps nobody out of it.
+  /// Returns keyframes that may show the place of a lost frame, best group first. Reads the map
+  /// only to group them: the search, whose time grows with the map, holds no map lock.
   std::vector<KeyFrameId> candidates(const BagOfWords& bag, const Map& map) const;
-  /// The same for a loop: without the keyframes in exclude (ascending), at least min_score similar.
+  /// The same for a loop: only keyframes outside exclude with a similarity of min_score or more.
   std::vector<KeyFrameId> candidates(const BagOfWords& bag, const Map& map,
                                      std::span<const KeyFrameId> exclude, double min_score) const;
 
@@ -48,14 +48,14 @@ class PlaceIndex {
     KeyFrameId keyframe;
     Bag bag;  ///< null where free
   };
-  /// A keyframe has a word, with this weight in its bag.
+  /// A keyframe that has the word, and the word's weight in its bag.
   struct Posting {
     std::uint32_t slot;
     float weight;
   };
-  /// Place in entries_ plus one; 0 for a keyframe that is not here.
+  /// Index into entries_ plus one; 0 for an unknown keyframe.
   using SlotNumber = std::uint32_t;
-  /// How far into which map's journal we have followed.
+  /// How much of which map's journal has been read.
   struct Followed {
     std::shared_ptr<const std::byte> generation;
     std::size_t changes = 0;

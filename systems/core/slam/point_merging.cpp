@@ -86,7 +86,7 @@ void PointMerging::fuse(int gone, int survivor, MapDelta& delta) {
   Point& g = points_[gone];
   Point& s = points_[survivor];
   g.survivor = survivor;
-  // Keyframes outside the copy move over as well; most of the weight is known to be new to s.
+  // Adds the share of g's weight whose keyframes do not see s yet, estimated from the copy.
   int shared = 0, moved = 0;
   for (std::size_t w = 0; w < g.seen.size(); ++w) {
     shared += std::popcount(g.seen[w] & s.seen[w]);

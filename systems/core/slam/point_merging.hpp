@@ -10,9 +10,9 @@
 
 namespace slambed {
 
-/// Merges (fuses) map points that are the same thing seen twice: projects a keyframe's points into
-/// its neighbors and theirs into it. A hit on a free feature attaches, a hit on another point
-/// fuses; the better observed one survives. Works on a copy that follows its own edits.
+/// Fuses map points that are duplicates: projects a keyframe's points into its neighbors and theirs
+/// into it. A match with a free feature attaches the point; a match with another point fuses them,
+/// and the better observed one survives. Works on a copy that includes its own edits.
 class PointMerging {
  public:
   MapDelta run(const Map& map, KeyFrameId keyframe, int neighbors, int second_neighbors);
@@ -21,8 +21,8 @@ class PointMerging {
   struct Point {
     PointSketch sketch;
     int weight = 0;
-    int survivor = -1;                ///< place of the point it was fused into
-    std::vector<std::uint64_t> seen;  ///< bit per place in keyframes_
+    int survivor = -1;                ///< index of the point that it was fused into
+    std::vector<std::uint64_t> seen;  ///< one bit per keyframe in keyframes_
   };
   struct Place {
     std::uint32_t run = 0;
@@ -36,7 +36,7 @@ class PointMerging {
   void fuse(int gone, int survivor, MapDelta& delta);
 
   std::vector<KeyFrameCopy> keyframes_;  ///< the current one first
-  std::vector<std::vector<int>> slots_;  ///< per keyframe and feature: place in points_ or -1
+  std::vector<std::vector<int>> slots_;  ///< per keyframe and feature: index into points_ or -1
   std::vector<Point> points_;
   SlotTable<MapPointId, Place> places_;
   std::uint32_t run_ = 0;

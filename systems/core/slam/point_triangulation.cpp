@@ -18,14 +18,14 @@ namespace {
 /// of freedom, 5 %.
 constexpr float kChi2Line = 3.84f;
 constexpr float kNever_px2 = -1;  ///< no squared distance is below it
-/// Without depth a match nearer than ten scaled pixels to the epipole says nothing about depth.
+/// Without depth, a match within ten scaled pixels of the epipole has too little parallax.
 constexpr float kEpipole_px2 = 100;
 /// Rays of a purely monocular pair must be further apart than this (about 1.15 degrees).
 constexpr double kParallelCosine = 0.9998;
-/// Distances and octave scales of the two views must agree within 1.5 scale steps of 1.2.
+/// The views' ratios of distance and octave scale may differ by 1.5 times the scale step of 1.2.
 constexpr double kScaleTolerance = 1.5;
 constexpr double kChi2StereoNewPoint = 7.8;  ///< ORB-SLAM2 rounds 7.815 here
-/// Least baseline without depth, as a share of the median depth of what the other keyframe sees.
+/// Minimum baseline without depth, as a share of the median depth of the other keyframe's points.
 constexpr double kLeastBaselineShare = 0.01;
 
 Eigen::Vector2d normalized(const Camera& camera, const KeyPoint& p) {
@@ -34,7 +34,7 @@ Eigen::Vector2d normalized(const Camera& camera, const KeyPoint& p) {
 
 /// Cosine of the angle under which the baseline is seen from a point at this depth.
 double stereo_cosine(const Camera& camera, const KeyPoint& p) {
-  // cos(2 atan(half / depth)) without an angle.
+  // Equals cos(2 atan(half / depth)).
   const double half = 0.5 * camera.baseline_m(), depth = static_cast<double>(p.depth_m);
   return (depth * depth - half * half) / (depth * depth + half * half);
 }
@@ -55,7 +55,7 @@ bool reprojects(const KeyFrameCopy& keyframe, int feature, const Eigen::Vector3d
   return e2 * keyframe.features->inv_sigma2(feature) <= limit;
 }
 
-/// The point behind two matching features, from the better of parallax and measured depth.
+/// Triangulates two matching features, or uses measured depth where that is more precise.
 std::optional<Eigen::Vector3d> locate(const KeyFrameCopy& a, int feature_a, const KeyFrameCopy& b,
                                       int feature_b) {
   const Camera& camera = a.features->sensor().camera;
@@ -77,8 +77,8 @@ std::optional<Eigen::Vector3d> locate(const KeyFrameCopy& a, int feature_a, cons
   return std::nullopt;
 }
 
-/// Baseline from which on a neighbor tells something: that of the camera itself, or else a share
-/// of the depth of the neighbor's points.
+/// Returns the minimum useful baseline to a neighbor: the camera's own, or without depth a share of
+/// the median depth of the neighbor's points.
 double least_baseline(const MapView& view, const KeyFrame& neighbor) {
   const Sensor& sensor = neighbor.features->sensor();
   if (sensor.metric()) return sensor.camera.baseline_m();
@@ -101,7 +101,7 @@ bool scales_agree(const KeyFrameCopy& a, int feature_a, const KeyFrameCopy& b, i
                          pyramid.scale[b.features->keypoint(feature_b).octave];
   const double tolerance =
       kScaleTolerance * (pyramid.levels() > 1 ? pyramid.scale[1] : pyramid.scale[0]);
-  // A feature further away in b is found on a lower octave there: ratio and octaves go together.
+  // A point farther away from b has a lower octave there, so both ratios grow together.
   return ratio * tolerance >= octaves && ratio <= octaves * tolerance;
 }
 
@@ -143,7 +143,7 @@ void PointTriangulation::match(const KeyFrameCopy& a, const KeyFrameCopy& b) {
   const LineKernels& lines = fastest_line_kernels();
   const DistanceKernels& distance = descriptor_distance();
 
-  // Line of x_a in image b: F^T-like product of K^-T [t]x R K^-1, all points in pixels.
+  // Epipolar line of x_a in image b: F = K^-T [t]x R K^-1, in pixels.
   const SE3 T_ba = b.T_cw * a.T_cw.inverse();
   Eigen::Matrix3d K_inverse;
   K_inverse << 1 / camera.fx, 0, -camera.cx / camera.fx, 0, 1 / camera.fy, -camera.cy / camera.fy,

@@ -8,15 +8,15 @@
 
 namespace slambed {
 
-/// Makes new points from features that no point explains yet, seen by a keyframe and its best
-/// covisibles. Correspondences are searched along the epipolar line.
+/// Triangulates new points from unmatched features of a keyframe and its best covisibles. Searches
+/// for correspondences along the epipolar line.
 class PointTriangulation {
  public:
   /// The delta adds points and attaches them to both keyframes; empty when the keyframe is gone.
   MapDelta run(const Map& map, KeyFrameId keyframe, int neighbors, IdSource<MapPointId>& ids);
 
  private:
-  /// Features of the neighbor without a point, as arrays the line search runs over.
+  /// Features of the neighbor without a point, as arrays for the line search.
   struct Loose {
     std::vector<int> feature;
     std::vector<float> u, v, limit;  ///< limit: of the squared distance to the line, px^2

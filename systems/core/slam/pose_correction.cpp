@@ -9,7 +9,7 @@
 namespace slambed {
 namespace {
 
-/// Part of a correction, along a straight line for the camera center and one axis for its turn.
+/// Interpolates a correction: linearly for the camera center, about one axis for the rotation.
 class PartialMove {
  public:
   PartialMove(const SE3& T_cw_before, const SE3& T_cw_after)
@@ -49,7 +49,7 @@ std::optional<PoseCorrection> correct_pose(const MapView& view, KeyFrameId id, c
   correction.magnitude_m = move.distance_m();
   correction.rotation_deg = move.rotation_deg();
   correction.delta.epoch = view.epoch() + 1;
-  // One that was culled meanwhile has no time any more: whatever is newer by its id is newer.
+  // A culled keyframe has no timestamp any more, so the newest one up to its id gives the time.
   double corrected_s = -std::numeric_limits<double>::infinity();
   for (const KeyFrameId other : view.keyframe_ids())
     if (other <= id) corrected_s = std::max(corrected_s, view.keyframe(other)->timestamp_s);

@@ -55,7 +55,7 @@ bool Relocalizer::copy(const Map& map, KeyFrameId candidate) {
   });
 }
 
-/// Pose and matches of the largest set that agrees.
+/// Sets the pose and matches of the largest inlier set.
 bool Relocalizer::start_pose(std::span<const std::pair<int, int>> matches, Frame& frame) const {
   const FeatureSet& features = *frame.features;
   std::vector<PnpCorrespondence> pairs;

@@ -11,20 +11,19 @@
 
 namespace slambed {
 
-/// Relocalizes a lost frame, one with no idea of where it is: keyframes that look alike, matches
-/// inside the nodes of the vocabulary, a pose from three points in RANSAC, and ever narrower
-/// searches for more matches until enough agree.
+/// Relocalizes a lost frame: finds similar keyframes, matches inside the vocabulary's nodes, solves
+/// P3P in RANSAC, and searches for more matches in narrower windows until enough agree.
 class Relocalizer {
  public:
   /// Keyframes tried per frame.
   static constexpr std::size_t kCandidates = 8;
 
-  /// Without an index it makes its own with the built-in vocabulary when it is first needed.
+  /// Without an index, makes its own with the built-in vocabulary on first use.
   explicit Relocalizer(std::shared_ptr<PlaceIndex> places = nullptr) : places_(std::move(places)) {}
 
   /// True when the frame has a verified pose and matches; around: the last reference keyframe.
   bool locate(const Map& map, KeyFrameId around, FrameSearch& search, Frame& frame);
-  /// Of the last locate(): keyframes whose matches gave a pose, right or not.
+  /// For the last locate(): keyframes whose matches gave a pose, correct or not.
   int candidates_posed() const { return candidates_posed_; }
   /// Matches a keyframe's points by descriptor inside the vocabulary's nodes. Replaces all matches;
   /// returns their number.
@@ -44,7 +43,7 @@ class Relocalizer {
   // The keyframe being tried.
   std::shared_ptr<const FeatureSet> features_;
   std::vector<SeenPoint> points_;
-  std::vector<int> point_of_feature_;  ///< place in points_ or -1
+  std::vector<int> point_of_feature_;  ///< index into points_ or -1
   std::vector<std::uint8_t> has_point_;
 };
 

@@ -10,7 +10,7 @@ namespace slambed {
 namespace {
 
 constexpr IdSpace kPrior = IdSpace::kEdgeMapper, kTrip = IdSpace::kTracker;
-/// A keyframe that looks more than 60 degrees elsewhere shows other things.
+/// Minimum cosine of the angle between two cameras that can see the same points (60 degrees).
 constexpr double kLeastCommonView = 0.5;
 
 }  // namespace
@@ -64,8 +64,8 @@ RemoteMapper::Match RemoteMapper::match(const MapDelta& received, bool estimated
   return match;
 }
 
-/// The keyframe at its place in the global map. What it sees of that map it shares; its other
-/// points come along as new ones, where the vehicle saw them from the keyframe.
+/// Returns the keyframe at its place in the global map. It shares the map's points that it sees.
+/// Its other points are added at the vehicle's positions relative to the keyframe.
 MapDelta RemoteMapper::joined(const MapDelta& received, const LoopMatch& match) const {
   MapDelta delta;
   delta.keyframes.push_back(received.keyframes.front());
@@ -94,8 +94,8 @@ MapDelta RemoteMapper::joined(const MapDelta& received, const LoopMatch& match) 
         point.reference = point.first_keyframe = keyframe.id;
         delta.points.push_back(point);
       }
-      // What this trip took for something new is a point of an earlier one: so it is called from
-      // now on, by whichever keyframe names it.
+      // The trip's point is one of an earlier trip, so it is fused with that for all keyframes that
+      // name it.
       const MapPointId mine = known ? known : sent != by_id.end() ? own : MapPointId{};
       if (old && mine && mine != old && !made_by(mine, kPrior))
         delta.fusions.push_back({mine, old});

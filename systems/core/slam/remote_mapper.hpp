@@ -10,35 +10,36 @@
 namespace slambed {
 
 struct RemoteMapperOptions {
-  int place_candidates = 5;      ///< prior keyframes that look alike
-  int near_candidates = 5;       ///< ... and those around the estimate
-  double search_radius_m = 20;   ///< how far around
+  int place_candidates = 5;      ///< similar keyframes of earlier trips
+  int near_candidates = 5;       ///< ... and those near the estimated pose
+  double search_radius_m = 20;   ///< around the estimated pose
   LoopVerifierOptions verifier;  ///< ORB-SLAM2's limits of a loop, without its consistency rule
   BundleOptions bundle;
 };
 
-/// CloudSLAM's Remote Mapping: loop closing cut down to one keyframe. It is looked for in the map
-/// of earlier trips, put where that map says, joined with its points, and adjusted with those
-/// received before it; the earlier trips' keyframes stay where they are. No pose graph, no global
-/// bundle.
+/// CloudSLAM's Remote Mapping: loop closing reduced to one keyframe, without pose graph or global
+/// bundle. The keyframe is matched with the map of earlier trips, moved to its pose there, joined
+/// with its points, and adjusted with those received before it. Earlier trips' keyframes stay
+/// fixed.
 ///
-/// Keyframes of earlier trips count in IdSpace::kEdgeMapper (store/archive.hpp), those of this trip
-/// elsewhere. One call per stage, as LocalMapper; the caller commits the deltas.
+/// Keyframes of earlier trips have ids in IdSpace::kEdgeMapper (store/archive.hpp), those of this
+/// trip in another space. One call per stage, as in LocalMapper; the caller commits the deltas.
 class RemoteMapper {
  public:
   struct Match {
     KeyFrameId matched;  ///< keyframe of an earlier trip that shows the place; none: no match
-    int tried = 0;       ///< candidates looked at
+    int tried = 0;       ///< candidates tried
     int matches = 0;     ///< with points of the global map
-    MapDelta delta;      ///< takes the keyframe into the global map; empty without a match
+    MapDelta delta;      ///< adds the keyframe to the global map; empty without a match
   };
 
-  /// map: the global map, at first nothing but the earlier trips. places knows these and no others.
+  /// map: the global map, initially only the earlier trips. places: index of exactly these
+  /// keyframes.
   RemoteMapper(RemoteMapperOptions options, std::shared_ptr<Map> map,
                std::shared_ptr<PlaceIndex> places);
 
-  /// received: one keyframe with all points it sees, where the vehicle believes them to be.
-  /// estimated: its pose is more than a guess.
+  /// received: one keyframe with all points it sees, as the vehicle estimates them. estimated: its
+  /// pose is good enough to search around it.
   Match match(const MapDelta& received, bool estimated);
   /// For a keyframe that was matched and committed.
   bool begin_bundle(KeyFrameId keyframe);

@@ -138,7 +138,7 @@ void Tracker::Impl::start_over() {
   state = TrackingState::kNotInitialized;
 }
 
-/// A map that was made elsewhere: find the place in it, and name nothing as it does.
+/// Starts lost in a map that was made elsewhere, and reserves the ids that it uses.
 void Tracker::Impl::relocalize_in_received_map() {
   map->read([&](const MapView& view) {
     if (view.keyframe_count() > 0) state = TrackingState::kLost;
@@ -186,7 +186,7 @@ bool Tracker::Impl::continue_from(const FoundFrame& found) {
   return true;
 }
 
-/// A lost frame from the one before, where that was found elsewhere.
+/// Tracks a lost frame from the previous one if that was relocalized elsewhere.
 bool Tracker::Impl::track_from_found_frame(TrackOutcome& outcome) {
   if (!std::exchange(found_elsewhere, false)) return false;
   const KeyFrameId before = reference;
@@ -243,7 +243,7 @@ void Tracker::Impl::continue_on(std::shared_ptr<Map> fresh,
   local.clear();
   provisional.assign(still_provisional.begin(), still_provisional.end());
   first_delta_waiting = false;
-  if (!reference) relocalize_in_received_map();  // nothing was made of the former map
+  if (!reference) relocalize_in_received_map();  // no frame was tracked in the old map
   if (!change.reference) {
     start_over();
     return;

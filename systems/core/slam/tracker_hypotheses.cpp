@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The ways to a frame's pose, from the likeliest and cheapest on.
+// Hypotheses for a frame's pose, the likeliest and cheapest first.
 #include <algorithm>
 #include <utility>
 
@@ -15,11 +15,11 @@ constexpr int kLeastPoseInliers = 10;
 constexpr float kReferenceRatio = 0.7f;
 constexpr int kFramesWithoutMotionModel = 2;  ///< after a relocalization
 constexpr float kLocalFactorRelocalized = 5;
-/// A pose is doubtful when fewer of its matches than this agree with it: wide windows find enough
-/// by chance.
+/// A pose is doubtful if a smaller share of its matches are inliers, because wide windows find many
+/// matches by chance.
 constexpr float kClearShare = 0.3f;
-/// What comparing a point with all of 1,000 features costs, in searches of a point in its window:
-/// 2.3 us against 0.21 us (catalog/devices/host.yaml, `track`).
+/// Cost of comparing a point with 1,000 features, in searches of one window: 2.3 us against 0.21 us
+/// (catalog/devices/host.yaml, `track`).
 constexpr int kWideWork = 11;
 
 }  // namespace
@@ -58,11 +58,11 @@ bool Tracker::Impl::track_motion(const SE3& step) {
   return inliers >= kLeastPoseInliers;
 }
 
-/// Found a frame ago, perhaps by keyframes that the edge may still decline: these are no reference,
-/// and the one there is may be of another place. What was seen then is still in view.
+/// Tracks with zero motion right after a relocalization. The keyframes that located the last frame
+/// may not be references yet, while the reference shows another place.
 bool Tracker::Impl::track_still() {
   if (!last.has_pose) return false;
-  refresh_last();  // its points made way for the reference keyframe's
+  refresh_last();  // track_reference() may have overwritten last_points
   return track_motion(SE3());
 }
 
@@ -71,7 +71,7 @@ bool Tracker::Impl::track_reference() {
   int matches = relocalizer.match(*map, reference, kReferenceRatio, current);
   pose_search.word_matches = matches;
   if (matches < kLeastReferenceMatches && options.descriptor_fallback) {
-    // Words can part what belongs together: once more without them.
+    // Similar descriptors can fall under different words, so this retries without words.
     copy_seen_points(*map, reference, last_points);
     matches = search.match_by_descriptor(last_points, kReferenceRatio, current);
   }
@@ -97,7 +97,7 @@ bool Tracker::Impl::track_widely() {
   return wide.locate(local.points(), search, current);
 }
 
-/// One hypothesis after the other until the local map clearly agrees with one; else the best.
+/// Tries hypotheses until the local map clearly agrees with one; otherwise takes the best.
 bool Tracker::Impl::track_hypotheses(TrackOutcome& outcome) {
   const KeyFrameId around = reference;
   const bool relocalized = recently_relocalized(kFramesWithoutMotionModel);
@@ -121,14 +121,14 @@ bool Tracker::Impl::track_hypotheses(TrackOutcome& outcome) {
   reference = around;
   if (track_widely() && verify(kLocalFactorRelocalized, outcome)) return true;
   if (!doubtful) return false;
-  local.begin_look();  // what a doubtful pose should see and does not says nothing
+  local.begin_look();  // a doubtful pose proves nothing about points that it misses
   current = std::move(doubtful->frame);
   outcome = doubtful->outcome;
   reference = current.reference;
   return true;
 }
 
-/// Verifies the pose: whether the local map clearly agrees with it. A doubtful one is kept aside.
+/// Returns true if the local map clearly agrees with the pose; keeps the best doubtful one.
 bool Tracker::Impl::verify(float radius_factor, TrackOutcome& outcome) {
   if (!track_local(radius_factor, outcome)) return false;
   if (!options.second_hypotheses) return true;
@@ -139,7 +139,7 @@ bool Tracker::Impl::verify(float radius_factor, TrackOutcome& outcome) {
   return false;
 }
 
-/// A lost frame: by keyframes that look alike, then among all local points around the last
+/// Relocalizes a lost frame by similar keyframes, then by all local points around the last
 /// reference.
 bool Tracker::Impl::relocalize(TrackOutcome& outcome) {
   const KeyFrameId around = reference;

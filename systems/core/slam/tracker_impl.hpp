@@ -14,7 +14,7 @@
 
 namespace slambed {
 
-/// A tracker from the inside: life of a frame (tracker.cpp), and ways to a pose
+/// Internals of a tracker: the life of a frame (tracker.cpp) and the hypotheses for its pose
 /// (tracker_hypotheses.cpp).
 struct Tracker::Impl {
   Impl(TrackerOptions o, std::shared_ptr<Map> m, IdSpace space, std::shared_ptr<PlaceIndex> places)
@@ -59,13 +59,13 @@ struct Tracker::Impl {
   Frame current, last;
   std::optional<SE3> velocity;          ///< T_current_last of the last two frames
   KeyFrameId reference;                 ///< keyframe that poses are relative to
-  std::vector<KeyFrameId> provisional;  ///< created here but not (yet) fit to be a reference
+  std::vector<KeyFrameId> provisional;  ///< must not be references yet; ascending
   int frame_number = 0;                 ///< frames processed; starts at 1
   int keyframe_at = 0, relocalized_at = 0;
   bool relocalized_ever = false;
-  bool found_elsewhere = false;  ///< last is a frame that somebody else has found
+  bool found_elsewhere = false;  ///< last is a FoundFrame
   KeyFrameEvidence evidence;
-  int searched = 0;        ///< points looked for in this frame
+  int searched = 0;        ///< points searched for in this frame, weighted by cost
   PoseSearch pose_search;  ///< of this frame
   MapDelta first_delta;    ///< of the keyframes made by initialize()
   bool first_delta_waiting = false;
@@ -77,7 +77,7 @@ struct Tracker::Impl {
     Frame frame;
     TrackOutcome outcome;
   };
-  std::optional<Doubtful> doubtful;  ///< best pose of this frame that the map hardly agrees with
+  std::optional<Doubtful> doubtful;  ///< best doubtful pose of this frame
   Relocalizer relocalizer;
   TwoViewStart two_views;
   std::vector<SeenPoint> last_points;

@@ -16,7 +16,7 @@ TrackerOptions suited(TrackerOptions options, SensorKind sensor) {
     case SensorKind::kMono:
       options.min_init_features = std::min(options.min_init_features, 100);
       options.local_window_factor = 1;
-      // Only what is triangulated can be tracked: many keyframes, but never a queue of them.
+      // Only triangulated points can be tracked, so keyframes are frequent, but never queued.
       options.reference_ratio = 0.9f;
       options.urgent_ratio = 0;
       options.busy_queue = 0;

@@ -9,9 +9,9 @@
 namespace slambed {
 namespace {
 
-// ORB-SLAM2's limits. It extracts twice the features until the map is there and matches those of
-// the finest level; here the usual ones of all levels are matched, level by level, and judged as
-// strictly as those of the finest: a wide tolerance makes everything look flat.
+// ORB-SLAM2's limits. ORB-SLAM2 extracts twice the features until it has a map and matches those of
+// the finest level. Here the usual features are matched level by level, but all with the finest
+// level's tolerance: a wider one makes every scene look planar.
 constexpr float kWindow_px = 100;
 constexpr float kStartRatio = 0.9f;
 constexpr std::size_t kStartMatches = 100;

@@ -12,12 +12,11 @@
 namespace slambed {
 
 /// Makes the first map of a camera without depth from two of its frames. The first frame waits for
-/// a second one with enough parallax; it is given up when too little of it is found again.
+/// a second with enough parallax; it is replaced if too few of its features are matched.
 class TwoViewStart {
  public:
   /// Offers a frame. On success it has a pose and matches, and the delta holds two keyframes, the
-  /// waiting frame and this one, with the points between them; the median depth seen from the first
-  /// is one.
+  /// waiting frame and this one, with their points; the median depth seen from the first is one.
   std::optional<MapDelta> offer(Frame& frame, TrackerIds& ids);
   /// Forgets the waiting frame.
   void reset() { features_.reset(); }
@@ -30,7 +29,7 @@ class TwoViewStart {
   MapDelta make_map(const Pairs& pairs, const std::vector<Eigen::Vector3d>& p_w, Frame& frame,
                     TrackerIds& ids) const;
 
-  // The frame that waits.
+  // The waiting frame.
   std::shared_ptr<const FeatureSet> features_;
   std::uint64_t index_ = 0;
   double timestamp_s_ = 0;

@@ -13,19 +13,19 @@
 namespace slambed {
 namespace {
 
-/// A match: this close at most, in bits, and closer than anything elsewhere in the image by this.
+/// Maximum distance of a match in bits, and its maximum ratio to distances elsewhere in the image.
 constexpr int kMaxDistance = 64;
 constexpr float kWideRatio = 0.85f;
-/// The same corner is found on several octaves: what lies this near, px at octave 0, is no rival.
+/// Features this near (px at octave 0) are one corner on several octaves and do not compete.
 constexpr float kSamePlace_px = 8;
 constexpr int kWideMatches = 12;
 constexpr int kLeastInliers = 10;
 
-// RANSAC: poses tried, and samples drawn for them; most samples are refuted by their depths alone.
+// RANSAC limits: poses tried and samples drawn for them. The depths alone rule out most samples.
 constexpr int kMaxPoses = 400;
 constexpr int kMaxSamples = 8000;
 constexpr double kConfidence = 0.995;
-/// Two distances in space agree within this share of the depths they were measured at.
+/// Maximum error of a distance between two points, as a share of their measured depths.
 constexpr double kDepthError = 0.04;
 
 double chi2(const Camera& camera, const SE3& T_cw, const Eigen::Vector3d& p_w, const KeyPoint& seen,
@@ -51,7 +51,7 @@ void WideSearch::match(std::span<const PointSketch> points, const FeatureSet& fe
     descriptor_distance().to_all(points[p].descriptor, features.descriptors(), distances_.data());
     const auto closest = std::min_element(distances_.begin(), distances_.end());
     const int best = static_cast<int>(closest - distances_.begin());
-    // Of two points that look like one feature the closer one keeps it.
+    // If two points match one feature, the closer one keeps it.
     if (n == 0 || *closest > kMaxDistance || *closest >= holder[best].distance) continue;
     const KeyPoint& seen = features.keypoint(best);
     const float near_px = kSamePlace_px * sensor.pyramid.scale[seen.octave];
@@ -67,7 +67,7 @@ void WideSearch::match(std::span<const PointSketch> points, const FeatureSet& fe
   for (int i = 0; i < n; ++i) {
     if (holder[i].point < 0) continue;
     const KeyPoint& seen = features.keypoint(i);
-    // Far depths are guesses.
+    // Far depths are unreliable.
     const bool deep = seen.has_depth() && seen.depth_m < sensor.close_depth_m;
     pairs_.push_back(
         {holder[i].point, i,
@@ -75,7 +75,7 @@ void WideSearch::match(std::span<const PointSketch> points, const FeatureSet& fe
   }
 }
 
-/// The pose that most pairs agree on.
+/// Estimates the pose with the most inlier pairs.
 bool WideSearch::agree(const std::vector<Pair>& pairs, std::span<const PointSketch> points,
                        const FeatureSet& features, SE3& T_cw) {
   const Camera& camera = features.sensor().camera;

@@ -9,9 +9,8 @@
 
 namespace slambed {
 
-/// Finds the pose of a frame among the points of a local map without a prediction: every point is
-/// compared with every feature, and three points in RANSAC decide. For frames that all else failed
-/// for: it costs points times features.
+/// Finds the pose of a frame in a local map without a prediction: compares every point with every
+/// feature and solves P3P in RANSAC. A last resort, as the cost is points times features.
 class WideSearch {
  public:
   /// True when the frame has a pose that enough matches agree on; replaces all matches.
@@ -21,7 +20,7 @@ class WideSearch {
   /// A map point and the feature that looks like it.
   struct Pair {
     int point, feature;
-    Eigen::Vector3d p_c;  ///< the feature in the camera, where its depth was measured
+    Eigen::Vector3d p_c;  ///< the feature in the camera frame; z = -1 without a usable depth
   };
   void match(std::span<const PointSketch> points, const FeatureSet& features);
   bool agree(const std::vector<Pair>& pairs, std::span<const PointSketch> points,

@@ -16,7 +16,7 @@ bool wanted(const WordView& view, int feature) {
   return view.wanted.empty() || view.wanted[static_cast<std::size_t>(feature)];
 }
 
-/// Best match of each wanted feature of a among those of b in one node; the closer one keeps it.
+/// Matches each wanted feature of a with those of b in one node; the closer one keeps a feature.
 void match_node(const WordView& a, std::span<const std::uint16_t> of_a, const WordView& b,
                 std::span<const int> of_b, float ratio, std::vector<std::uint16_t>& distances,
                 std::vector<Holder>& holder) {

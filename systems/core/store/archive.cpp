@@ -17,7 +17,7 @@ class Renumbering {
     IdSource<IdType> source(space);
     for (const IdType id : ids) renamed_.emplace(id, source.next());
   }
-  /// None for an id that names nothing any more.
+  /// None for an id that no longer exists.
   IdType operator()(IdType id) const {
     const auto found = renamed_.find(id);
     return found == renamed_.end() ? IdType{} : found->second;

@@ -11,11 +11,11 @@ namespace slambed {
 /// cloud, world frame, meters.
 void export_ply(const Map& map, const std::filesystem::path& path);
 
-/// Keyframes as a TUM trajectory: recorded time, camera to world. In the order of time.
+/// Keyframes as a TUM trajectory: recorded time, camera to world, in time order.
 void export_tum(const Map& map, double time_origin_s, const std::filesystem::path& path);
 
-/// Keyframes in KITTI's form: twelve numbers of the 3x4 matrix camera to world, row by row, one
-/// keyframe a line, in the order of time.
+/// Keyframes in KITTI format: the 3x4 camera-to-world matrix row by row, one keyframe per line, in
+/// time order.
 void export_kitti(const Map& map, const std::filesystem::path& path);
 
 }  // namespace slambed

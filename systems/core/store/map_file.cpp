@@ -21,7 +21,7 @@ constexpr std::uint32_t kMagic = 0x504D4C53;  // "SLMP"
 constexpr std::uint16_t kVersion = 1;
 constexpr std::size_t kHeaderBytes = 20;
 constexpr std::size_t kMaxText = 200;
-/// Far beyond any real map; keeps a false size from filling the memory.
+/// Larger than any real map, so that a damaged size cannot exhaust memory.
 constexpr std::uint64_t kMaxBytes = std::uint64_t{1} << 34;
 
 Error damaged(const std::string& source, const std::string& what) {
@@ -45,7 +45,7 @@ auto ids_of(const Items& items) {
   return ids;
 }
 
-/// A whole map names everything once and refers to nothing outside it.
+/// Throws unless every element appears once and all references stay inside the map.
 void check(const MapDelta& map, const std::string& source) {
   const auto keyframes = ids_of(map.keyframes);
   const auto points = ids_of(map.points);

@@ -11,7 +11,7 @@
 
 namespace slambed {
 
-/// What a map file says about its map.
+/// Metadata of a map file.
 struct MapInfo {
   wire::SensorInfo sensor;
   std::string sequence;      ///< id of the prepared sequence
@@ -23,12 +23,13 @@ struct StoredMap {
   std::shared_ptr<Map> map;
 };
 
-/// Map files (docs/formats.md): header, checksum, and the whole map as one delta in its wire form.
+/// Map files (docs/reference/sequence.md): header, checksum, and the whole map as one delta in its
+/// wire form.
 wire::Bytes encode_map(const Map& map, const MapInfo& info);
-/// Throws Error(kBadInput) for anything but a whole, consistent map; source is named in it.
+/// Throws Error(kBadInput), which names source, for anything but a whole, consistent map.
 StoredMap decode_map(std::span<const std::uint8_t> bytes, const std::string& source);
 
-/// Appears by rename, whole or not at all.
+/// Writes the file atomically, by rename.
 void save_map(const Map& map, const MapInfo& info, const std::filesystem::path& path);
 StoredMap load_map(const std::filesystem::path& path);
 

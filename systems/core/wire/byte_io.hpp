@@ -14,13 +14,13 @@ namespace slambed::wire {
 
 using Bytes = std::vector<std::uint8_t>;
 
-/// Bytes that are no valid message. The only exception a decoder throws.
+/// The bytes are not a valid message. Decoders throw no other exception.
 class DecodeError : public std::runtime_error {
  public:
   using std::runtime_error::runtime_error;
 };
 
-/// Appends little-endian values; integers of unknown size as LEB128 ("varint").
+/// Appends little-endian values. varint() writes LEB128.
 class ByteWriter {
  public:
   void u8(std::uint8_t value) { bytes_.push_back(value); }
@@ -31,7 +31,7 @@ class ByteWriter {
   void f32(float value);
   void f64(double value);
   void varint(std::uint64_t value);
-  /// Small magnitudes of either sign become small varints.
+  /// Zigzag-maps the value, so that small magnitudes of either sign become short varints.
   void zigzag(std::int64_t value);
   void time(RunTime value) { i64(value.count()); }
   void text(const std::string& value);
@@ -49,7 +49,7 @@ class ByteWriter {
   Bytes bytes_;
 };
 
-/// Reads what ByteWriter wrote. Every read is checked against the end; floats must be finite.
+/// Reads what ByteWriter wrote. Every read is bounds-checked, and floats must be finite.
 class ByteReader {
  public:
   explicit ByteReader(std::span<const std::uint8_t> bytes) : bytes_(bytes) {}
@@ -64,17 +64,17 @@ class ByteReader {
   std::uint64_t varint();
   std::uint32_t varint32();
   std::int64_t zigzag();
-  /// Within kMaxRunTime, so that it can be calculated with.
+  /// Refuses times beyond kMaxRunTime, so that arithmetic on the result cannot overflow.
   RunTime time();
   std::string text(std::size_t max_length);
   /// A boolean written as u8 0 or 1.
   bool flag();
-  /// Number of following items of at least min_bytes each: never more than the bytes that remain
-  /// can hold, so that a false count cannot make anybody allocate.
+  /// Returns the number of items that follow, each at least min_bytes long. A count that the
+  /// remaining bytes cannot hold is refused, so that a forged count cannot cause an allocation.
   std::size_t count(std::size_t min_bytes);
   std::span<const std::uint8_t> take(std::size_t size);
   std::size_t remaining() const { return bytes_.size() - at_; }
-  /// Nothing may follow a message.
+  /// Throws DecodeError if bytes are left over.
   void expect_end() const;
 
  private:

@@ -19,7 +19,7 @@ constexpr std::uint64_t kIndexMask = (std::uint64_t{1} << kSpaceShift) - 1;
 constexpr std::int64_t kAnyCount = UINT32_MAX;
 constexpr std::int64_t kAnyNumber = INT64_MAX;
 
-/// Two numbers: the module that made it, and the module's own count; "0 0" is none.
+/// Writes an id as two numbers: the id space and the index in that space. "0 0" is no id.
 template <typename IdType>
 void put_id(TextWriter& out, IdType id) {
   out.integer(id.value >> kSpaceShift);
@@ -62,7 +62,7 @@ SE3 get_pose(TextReader& in) {
   return {q, t};
 }
 
-/// Edge-SLAM's matrices: Tcw, Twc, center of the camera and of the stereo pair.
+/// Writes Edge-SLAM's matrices: Tcw, Twc, camera center and stereo center.
 void put_matrices(TextWriter& out, const SE3& T_cw) {
   for (const SE3& T : {T_cw, T_cw.inverse()}) {
     for (int row = 0; row < 3; ++row) {
@@ -80,7 +80,7 @@ void skip_matrices(TextReader& in) {
   for (int i = 0; i < 2 * 16 + 2 * 3; ++i) in.real32();
 }
 
-/// The point by value; fresh: the receiver does not have it yet.
+/// Writes the point by value. fresh: the receiver does not have it yet.
 void put_point(TextWriter& out, const NewPoint& point, bool fresh, KeyFrameId seen_by,
                std::size_t feature) {
   out.integer(fresh);
@@ -99,7 +99,7 @@ void put_point(TextWriter& out, const NewPoint& point, bool fresh, KeyFrameId se
   out.integer(feature);
 }
 
-/// The point, and whether it is fresh.
+/// Returns the point, and whether it is fresh.
 std::pair<NewPoint, bool> get_point(TextReader& in, MapPointId id) {
   NewPoint point;
   point.id = id;
@@ -149,7 +149,7 @@ std::string keyframe_text(const NewKeyFrame& keyframe, const PointsById& by_valu
   return out.take();
 }
 
-/// Appends the keyframe and those of its points that are fresh and not there yet.
+/// Appends the keyframe and those of its fresh points that are not in `seen` yet.
 void take_keyframe(std::string text, const SensorPtr& sensor, MapDelta& delta,
                    std::set<MapPointId>& seen, DirectText* direct) {
   if (!sensor) throw DecodeError("keyframe from an unknown camera");
@@ -174,8 +174,8 @@ void take_keyframe(std::string text, const SensorPtr& sensor, MapDelta& delta,
   delta.keyframes.push_back(std::move(keyframe));
 }
 
-/// Edge-SLAM's points carry their counters by value. Ours are written there for their size, but
-/// only these are current: tracking has counted on since the local map came.
+/// Edge-SLAM sends the counters of a point inside the point. We write them there too, to match the
+/// size, but those are as old as the local map. The current values are in this list.
 void put_observation_counts(TextWriter& out,
                             std::span<const PointObservationCounts> observation_counts) {
   out.integer(observation_counts.size());
@@ -211,7 +211,7 @@ std::set<MapPointId> ids_of(std::span<const NewPoint> points) {
   return ids;
 }
 
-/// A single camera's map may begin with two keyframes: their number is written only there.
+/// A monocular map may start with two keyframes, so only then is their number written.
 bool begins_with_two(const KeyFrameMessage& message, const Sensor& sensor) {
   return message.first && !sensor.metric();
 }

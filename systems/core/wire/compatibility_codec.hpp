@@ -9,19 +9,19 @@
 
 namespace slambed::wire {
 
-/// KEYFRAME, MAP_UPDATE and FRAME as Edge-SLAM's text archives have them: every number in decimal,
-/// key points twice, the search grid, the bag of words, the scale tables, each pose in four forms,
-/// and each keyframe with all the points it sees by value. A keyframe takes 500 to 650 KB, and its
-/// writing and reading, by streams, the time that those need for it. What the message stands for is
-/// the same as in messages.hpp, without its quantization.
+/// Encodes KEYFRAME, MAP_UPDATE and FRAME in the layout of Edge-SLAM's text archives. Every number
+/// is decimal. A keyframe contains its key points twice, search grid, bag of words, scale tables,
+/// pose in four forms, and all observed points by value. It takes 500 to 650 KB, and writing and
+/// reading it through streams costs what it costs Edge-SLAM. The content is that of messages.hpp,
+/// without quantization.
 ///
-/// What Edge-SLAM derives on the mobile is derived when a message is written (bag of words, grid);
-/// what the receiver does not need is read and dropped. Two things we have no equal of and write
-/// for their size: the raw key points (the undistorted ones again) and their size, response and
+/// The bag of words and the grid, which Edge-SLAM computes on the mobile, are computed when a
+/// message is written. The reader drops what it does not need. Two parts are only there to match
+/// the size: the raw key points (a copy of the undistorted ones), and their size, response and
 /// class.
 ///
-/// known: points by value that the keyframe sees besides its new ones; those that are missing are
-/// named only.
+/// known: existing points that the keyframe observes. They are written by value; observed points in
+/// neither `known` nor the delta are written as ids.
 Bytes encode_text(const KeyFrameMessage& message, std::span<const NewPoint> known,
                   const Vocabulary& vocabulary, DirectText* direct = nullptr);
 Bytes encode_text(const MapUpdate& message, const Vocabulary& vocabulary,
@@ -29,7 +29,7 @@ Bytes encode_text(const MapUpdate& message, const Vocabulary& vocabulary,
 Bytes encode_text(const FrameMessage& message, const Vocabulary& vocabulary,
                   DirectText* direct = nullptr);
 
-/// All throw DecodeError and nothing else.
+/// These throw only DecodeError.
 KeyFrameMessage decode_keyframe_text(std::span<const std::uint8_t> bytes, const SensorPtr& sensor,
                                      DirectText* direct = nullptr);
 MapUpdate decode_update_text(std::span<const std::uint8_t> bytes, const SensorPtr& sensor,

@@ -10,14 +10,15 @@
 namespace slambed::wire {
 namespace {
 
-constexpr double kMarginPx = 32;  ///< lens correction may move a pixel beyond the bounds
+constexpr double kMarginPx = 32;  ///< undistortion may move a key point out of the bounds
 constexpr double kSteps = 65535;
 constexpr int kAngleBits = 12;
 constexpr int kAngleSteps = 1 << kAngleBits;
 constexpr int kMantissaBits = 12;
 constexpr int kFloatMantissaBits = 23;
 constexpr float kMinDepth = 0.0625f, kMaxDepth = 4096.f;
-/// Bits of kMinDepth above the mantissa we keep; code 0 stays free for "none".
+/// The float bits of kMinDepth, cut to the mantissa bits that we keep, less 1: code 0 is "no
+/// depth".
 constexpr std::uint32_t kDepthBase =
     (std::bit_cast<std::uint32_t>(kMinDepth) >> (kFloatMantissaBits - kMantissaBits)) - 1;
 

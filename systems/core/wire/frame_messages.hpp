@@ -11,44 +11,44 @@
 
 namespace slambed::wire {
 
-/// Pictures that are tracked on the edge.
+/// Messages for tracking on the edge.
 inline constexpr MessageRange kFrameMessages(64, {"FRAME_IMAGE", "FRAME_RESULT"});
 
-/// A picture that the edge is to track.
+/// FRAME_IMAGE, mobile -> edge: an image for the edge to track.
 struct FrameImage {
   static constexpr MessageType kType = kFrameMessages["FRAME_IMAGE"];
   std::uint64_t frame_index = 0;  ///< in the sequence
   double timestamp_s = 0;         ///< sequence time
-  RunTime captured{};             ///< offered by the camera
-  RunTime dequeued{};             ///< taken up by the mobile node
+  RunTime captured{};             ///< when the camera offered it
+  RunTime dequeued{};             ///< when the mobile took it from its queue
   Bytes jpeg;
 };
 
 Bytes encode(const FrameImage& message);
 FrameImage decode_frame_image(std::span<const std::uint8_t> bytes);
 
-/// The times of a frame's way, on the run's clock.
+/// When a frame passed each step, on the run clock.
 struct FrameTimes {
-  RunTime captured{}, dequeued{};  ///< as its FRAME_IMAGE said
-  RunTime queued{};                ///< handed to the channel
+  RunTime captured{}, dequeued{};  ///< copied from its FRAME_IMAGE
+  RunTime queued{};                ///< FRAME_IMAGE handed to the channel
   RunTime received{};              ///< its last byte at the edge
-  RunTime begun{};                 ///< taken up there
-  /// What the parts took: segmentation; decoding and extraction, beside it; tracking; mapping;
-  /// loops.
+  RunTime begun{};                 ///< when the edge took it from its queue
+  /// How long each part took: segmentation, decoding and extraction (in parallel with it),
+  /// tracking, local mapping, loop closing.
   Duration nrcc{}, extract{}, track{}, local_mapping{}, loop_closing{};
-  RunTime done{};  ///< the answer handed to the channel
+  RunTime done{};  ///< FRAME_RESULT handed to the channel
 };
 
 enum class FrameState : std::uint8_t { kNotInitialized, kOk, kLost };
 
-/// What became of it.
+/// FRAME_RESULT, edge -> mobile: how tracking a FRAME_IMAGE ended.
 struct FrameResult {
   static constexpr MessageType kType = kFrameMessages["FRAME_RESULT"];
   std::uint64_t sequence = 0;  ///< of the FRAME_IMAGE that it answers
   std::uint64_t frame_index = 0;
   FrameState state = FrameState::kNotInitialized;
-  bool reset = false;  ///< the map was thrown away
-  SE3 T_cw;            ///< with kOk
+  bool reset = false;  ///< the edge discarded its map
+  SE3 T_cw;            ///< this and the next two only with kOk
   KeyFrameId reference;
   SE3 T_cr;
   std::uint32_t features = 0, inliers = 0;
@@ -57,7 +57,7 @@ struct FrameResult {
 };
 
 Bytes encode(const FrameResult& message);
-/// sensor: whose pictures the masks are of. Both throw DecodeError.
+/// sensor: the camera whose images the masks belong to. Both decoders throw DecodeError.
 FrameResult decode_frame_result(std::span<const std::uint8_t> bytes,
                                 const std::shared_ptr<const Sensor>& sensor);
 

@@ -8,49 +8,50 @@
 
 namespace slambed::wire {
 
-/// Where mapping runs, and the map on its way there.
+/// Messages that move mapping, with the map, between mobile and edge.
 ///
-/// An epoch in these messages counts how often mapping has changed its place: it is the generation
-/// of the map that both nodes go by, and what was made in an older one is declined.
+/// The epoch counts how often mapping has moved. Both nodes use it as the generation of the map and
+/// decline what was made in an older one.
 inline constexpr MessageRange kHandoverMessages(16, {"STATE", "START", "STOP", "MAP_HANDOVER",
                                                      "HANDOVER_ACK"});
 
-/// STATE, mobile -> edge: where mapping runs now. Repeated while nothing changes; the edge answers
-/// each with an ACK, so both know that the other is alive.
+/// STATE, mobile -> edge: where mapping runs now. It is repeated periodically and the edge answers
+/// each one with an ACK, so that both nodes know that the peer is alive.
 struct StateMessage {
   static constexpr MessageType kType = kHandoverMessages["STATE"];
-  std::uint8_t state = 0;  ///< the system's own number
+  std::uint8_t state = 0;  ///< defined by the system
   std::uint64_t epoch = 0;
   RunTime time{};
   std::optional<Duration> rtt;  ///< absent while unknown
 };
 
-/// STOP, mobile -> edge: mapping rests; what the edge sends of an older epoch is worthless.
+/// STOP, mobile -> edge: stop mapping. What the edge sends from an older epoch is ignored.
 struct StopMessage {
   static constexpr MessageType kType = kHandoverMessages["STOP"];
   std::uint64_t epoch = 0;
 };
 
-/// START, mobile -> edge: map again on the map as it is. Answered by a HANDOVER_ACK.
+/// START, mobile -> edge: resume mapping on the map that the edge has. The edge answers with a
+/// HANDOVER_ACK.
 struct StartMessage {
   static constexpr MessageType kType = kHandoverMessages["START"];
   std::uint64_t epoch = 0;
-  std::uint64_t number = 0;  ///< shared with MAP_HANDOVER, counts from 1
+  std::uint64_t number = 0;  ///< counts STARTs and MAP_HANDOVERs together, from 1
 };
 
-/// MAP_HANDOVER, mobile -> edge: START with what has changed since the edge knew the map last.
+/// MAP_HANDOVER, mobile -> edge: a START with the changes to the map that the edge has not seen.
 struct MapHandover {
   static constexpr MessageType kType = kHandoverMessages["MAP_HANDOVER"];
   std::uint64_t epoch = 0;
   std::uint64_t number = 0;
-  bool whole = false;  ///< needs no earlier map at the edge
+  bool whole = false;  ///< contains the whole map, so the edge needs no earlier one
   MapDelta changes;
 };
 
 enum class HandoverAnswer : std::uint8_t {
-  kDeclined,  ///< there is no map to change, or this one cannot be read: a whole one is needed
+  kDeclined,  ///< the edge has no map to change, or the message is unreadable: send a whole map
   kAccepted,
-  kNoMap,  ///< to STATE, which no number goes with: the edge has no map at all
+  kNoMap,  ///< answers a STATE, with number 0: the edge has no map
 };
 
 /// HANDOVER_ACK, edge -> mobile.
@@ -67,14 +68,15 @@ Bytes encode(const StartMessage& message);
 Bytes encode(const MapHandover& message);
 Bytes encode(const HandoverAck& message);
 
-/// All throw DecodeError and nothing else.
+/// These throw only DecodeError.
 StateMessage decode_state(std::span<const std::uint8_t> bytes);
 StopMessage decode_stop(std::span<const std::uint8_t> bytes);
 StartMessage decode_start(std::span<const std::uint8_t> bytes);
 MapHandover decode_handover(std::span<const std::uint8_t> bytes, const SensorPtr& sensor);
 HandoverAck decode_handover_ack(std::span<const std::uint8_t> bytes);
 
-/// Which hand-over a MAP_HANDOVER is that cannot be read; nothing where that cannot be read either.
+/// Returns epoch and number of a MAP_HANDOVER whose rest is unreadable, or nothing if these are
+/// unreadable too.
 std::optional<StartMessage> handover_head(std::span<const std::uint8_t> bytes);
 
 }  // namespace slambed::wire

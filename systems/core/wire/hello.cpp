@@ -7,7 +7,7 @@ namespace slambed::wire {
 namespace {
 
 constexpr std::size_t kMaxText = 200;
-/// Limits that no camera we know exceeds; they keep derived sizes sane.
+/// No known camera exceeds these limits; they bound the sizes that derive from them.
 constexpr std::uint32_t kMaxPixels = 1 << 14;
 constexpr std::uint32_t kMaxLevels = 16;
 

@@ -12,7 +12,7 @@
 
 namespace slambed::wire {
 
-/// What the edge must know of the mobile's camera; from it both ends build the same Sensor.
+/// The mobile's camera as the edge must know it. Both nodes build the same Sensor from it.
 struct SensorInfo {
   Camera camera;
   float close_depth_m = 0;
@@ -26,7 +26,7 @@ void put_sensor(ByteWriter& out, const SensorInfo& info);
 /// Throws DecodeError.
 SensorInfo get_sensor(ByteReader& in);
 
-/// The greeting on every connection: who is there, and whether both belong to the same run.
+/// The greeting on every connection. It shows whether both nodes belong to the same run.
 struct Hello {
   std::uint16_t wire_version = 0;
   NodeRole role = NodeRole::kMobile;
@@ -37,7 +37,7 @@ struct Hello {
 Bytes encode(const Hello& hello);
 /// Throws DecodeError.
 Hello decode_hello(std::span<const std::uint8_t> bytes);
-/// Why "theirs" is not the peer that "ours" waits for; nothing when it is.
+/// Returns the reason why `theirs` is not the expected peer of `ours`, or nothing if it is.
 std::optional<std::string> mismatch(const Hello& ours, const Hello& theirs);
 
 }  // namespace slambed::wire

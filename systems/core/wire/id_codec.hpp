@@ -10,13 +10,13 @@
 
 namespace slambed::wire {
 
-/// Ids on the wire count from 1 and stay below this: enough for years, small enough that an id can
-/// index a table.
+/// Indices of ids on the wire are in [1, kMaxIdIndex): enough for years of running, and few enough
+/// to index a table.
 inline constexpr std::uint64_t kMaxIdIndex = 1u << 26;
 inline constexpr int kSpaceShift = 56;
 
-/// Codes a stream of ids as differences to the previous one of the same space: neighbors cost one
-/// byte, "none" too. Writer and reader must see the same order.
+/// Codes each id as its difference to the previous id of the same space: a nearby id and "no id"
+/// take one byte each. Reader and writer must process the ids in the same order.
 class IdStream {
  public:
   template <typename IdType>

@@ -17,7 +17,7 @@ struct Destroy {
 };
 using Handle = std::unique_ptr<std::remove_pointer_t<tjhandle>, Destroy>;
 
-/// A hostile file may ask for any number of passes over the picture, and every warning is a defect.
+/// Limits the scans, because a hostile file may contain any number, and treats warnings as errors.
 constexpr int kDecodeFlags = TJFLAG_ACCURATEDCT | TJFLAG_STOPONWARNING | TJFLAG_LIMITSCANS;
 
 Handle made(tjhandle handle) {
@@ -25,7 +25,8 @@ Handle made(tjhandle handle) {
   return Handle(handle);
 }
 
-/// Whatever follows the end mark would be read by nobody, and without one the picture is torn.
+/// Whether the data end with the EOI marker. Without one the image is truncated, and the decoder
+/// would ignore data after it.
 bool ends(std::span<const std::uint8_t> jpeg) {
   return jpeg.size() >= 2 && jpeg[jpeg.size() - 2] == 0xFF && jpeg.back() == 0xD9;
 }

@@ -9,23 +9,22 @@
 
 namespace slambed::wire {
 
-/// A gray picture that was decoded.
 struct GrayImage {
   int width = 0, height = 0;
   std::vector<std::uint8_t> pixels;
   GrayView view() const { return {pixels.data(), width, height, width}; }
 };
 
-/// A gray JPEG. quality: 1 to 100. Equal pictures give equal bytes, whatever the processor: the
-/// transform is libjpeg-turbo's accurate one, which its vector kernels repeat bit for bit.
+/// Returns a gray JPEG. quality: 1 to 100. Equal images give equal bytes on every processor: the
+/// SIMD kernels of libjpeg-turbo reproduce its accurate DCT bit for bit.
 Bytes encode_jpeg(GrayView image, int quality);
 
-/// Throws DecodeError unless this begins as a gray JPEG of that size and ends as one; looks at
-/// nothing in between.
+/// Throws DecodeError unless the data have the header of a gray JPEG of that size and its end
+/// marker. Does not look at the data in between.
 void check_jpeg(std::span<const std::uint8_t> jpeg, int width, int height);
 
-/// Checks the header as check_jpeg does, before room is made for a pixel. Throws DecodeError for
-/// what is torn or damaged, too: a picture is whole or none.
+/// Calls check_jpeg before it allocates pixels. Throws DecodeError also for truncated or damaged
+/// data, so a returned image is complete.
 GrayImage decode_jpeg(std::span<const std::uint8_t> jpeg, int width, int height);
 
 }  // namespace slambed::wire

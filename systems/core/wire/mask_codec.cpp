@@ -8,7 +8,7 @@ namespace slambed::wire {
 namespace {
 
 constexpr float kStepsPerPixel = 8;
-/// Key points may lie outside of the picture, but not further than any picture is wide.
+/// Key points may lie outside the image, but no farther than this.
 constexpr float kFarthest_px = 1e6f;
 constexpr std::size_t kLeastInstanceBytes = 9;
 

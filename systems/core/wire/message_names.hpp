@@ -9,14 +9,13 @@
 
 namespace slambed::wire {
 
-/// What the types are called that a node may meet: the core's, and those of its system.
+/// Names of the message types that a node may receive: those of the core and of its system.
 class MessageNames {
  public:
-  /// Throws Error where two types have a number or a name in common, or `own` has the core's
-  /// numbers.
+  /// Throws Error if two types share a number or a name, or if `own` uses a number of the core.
   explicit MessageNames(std::span<const MessageRange> own = {});
 
-  /// "KEYFRAME", "MAP_UPDATE" ...; "UNKNOWN" for numbers that name nothing.
+  /// Returns "KEYFRAME", "MAP_UPDATE" ..., or "UNKNOWN" for a number without a name.
   std::string_view operator[](std::uint8_t type) const;
 
  private:

@@ -10,22 +10,22 @@
 
 namespace slambed::wire {
 
-/// Version of every payload layout below this folder; both nodes must have the same.
+/// Version of all payload layouts in this folder. Both nodes must have the same.
 inline constexpr std::uint16_t kWireVersion = 9;
-/// Version of put_delta's layout alone, which stored maps have too.
+/// Version of put_delta's layout alone, which stored maps use too.
 inline constexpr std::uint16_t kDeltaVersion = 4;
 
-/// Message::type: a number of some MessageRange.
+/// Message::type, a number from some MessageRange.
 enum class MessageType : std::uint8_t {};
 
-/// As it stands in a message's header.
+/// Returns the type as a message header contains it.
 constexpr std::uint8_t type_of(MessageType type) { return static_cast<std::uint8_t>(type); }
 
-/// From here on types are the systems' own (System::messages), below the core's.
+/// Types from here on belong to the systems (System::messages), smaller ones to the core.
 inline constexpr std::uint8_t kFirstOwnType = 128;
 
-/// Types that belong together, declared where their structs are: numbers from the first on, one for
-/// each name. Numbers are never reused: a type that goes leaves an empty name behind.
+/// Message types that belong together, numbered from `first` in the order of their names. Numbers
+/// are never reused: a removed type leaves an empty name.
 class MessageRange {
  public:
   static constexpr std::size_t kMost = 16;
@@ -34,7 +34,7 @@ class MessageRange {
       : first_(first), count_(names.size()) {
     std::copy(names.begin(), names.end(), names_.begin());
   }
-  /// The type of this name; a name that is not of the range does not compile.
+  /// Returns the type of this name. A name that is not in the range does not compile.
   consteval MessageType operator[](std::string_view name) const {
     for (std::size_t i = 0; i < count_; ++i) {
       if (names_[i] == name) return MessageType(first_ + i);

@@ -11,7 +11,7 @@
 namespace slambed::wire {
 namespace {
 
-/// Decodes a whole payload; nothing may be left over.
+/// Decodes a whole payload. Throws DecodeError if bytes are left over.
 template <typename Get>
 auto whole(std::span<const std::uint8_t> bytes, Get get) {
   ByteReader in(bytes);

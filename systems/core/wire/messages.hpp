@@ -13,19 +13,19 @@
 
 namespace slambed::wire {
 
-/// What every system with an edge sends.
+/// Messages of every system with an edge.
 inline constexpr MessageRange kOffloadMessages(1, {"KEYFRAME", "MAP_UPDATE", "FRAME", "RELOC_MAP",
                                                    "ACK", "PROBE", "BYE", "POSES", "ANNOUNCE",
                                                    "KEYFRAME_WANTED"});
 inline constexpr MessageType kKeyFrame = kOffloadMessages["KEYFRAME"];
 inline constexpr MessageType kMapUpdate = kOffloadMessages["MAP_UPDATE"];
-/// edge -> mobile: MAP_UPDATE with the candidates.
+/// edge -> mobile: a MAP_UPDATE with the relocalization candidates.
 inline constexpr MessageType kRelocMap = kOffloadMessages["RELOC_MAP"];
-/// Keeps RTT samples coming; content is ignored.
+/// Produces RTT samples; its content is ignored.
 inline constexpr MessageType kProbe = kOffloadMessages["PROBE"];
-/// edge -> mobile: where all keyframes ended up.
+/// edge -> mobile: the final poses of all keyframes.
 inline constexpr MessageType kPoses = kOffloadMessages["POSES"];
-/// edge -> mobile: there is no map yet that a keyframe could join.
+/// edge -> mobile: the edge has no map that a keyframe could join.
 inline constexpr MessageType kKeyFrameWanted = kOffloadMessages["KEYFRAME_WANTED"];
 
 using SensorPtr = std::shared_ptr<const Sensor>;
@@ -34,43 +34,44 @@ using SensorPtr = std::shared_ptr<const Sensor>;
 struct KeyFrameMessage {
   KeyFrameId keyframe;
   RunTime captured{};                 ///< when playback offered its frame
-  bool urgent = false;                ///< Edge-SLAM's flag 2: c1c holds, the edge need not agree
-  bool first = false;                 ///< a map begins with it, or the trip in a stored one
-  bool whole = false;                 ///< holds all points it sees: a map can start with it
-  bool after_relocalization = false;  ///< within a second of one: Edge-SLAM's passedF is false
-  std::uint64_t applied_update = 0;   ///< newest update the mobile had applied, 0: none
-  /// Newest point of an edge mapper that the mobile ever saw: a restarted edge counts on behind it.
+  bool urgent = false;                ///< Edge-SLAM's flag 2: c1c holds, the mapper may be busy
+  bool first = false;                 ///< starts a new map, or a trip in a stored map
+  bool whole = false;                 ///< contains all observed points: a map can start with it
+  bool after_relocalization = false;  ///< within max_frames of one (Edge-SLAM: passedF is false)
+  std::uint64_t applied_update = 0;   ///< newest update that the mobile has applied, 0: none
+  /// Newest point from an edge mapper that the mobile ever saw. A restarted edge continues its ids
+  /// after it.
   MapPointId newest_edge_point{};
   MapDelta delta;
 };
 
-/// When the keyframe that closes an update passed each place; run clock.
+/// When the newest keyframe of an update passed each step; run clock.
 struct UpdateTimes {
   RunTime captured{};  ///< frame offered on the mobile
   RunTime queued{};    ///< KEYFRAME handed to the channel
   RunTime received{};  ///< its last byte at the edge
   RunTime accepted{};  ///< parsed and admitted
   RunTime mapped{};    ///< local mapping done
-  RunTime due{};       ///< preparation of the update began
+  RunTime due{};       ///< preparation of the update started
 };
 /// In the order in which every codec writes them.
 inline constexpr std::array kUpdateTimes = {&UpdateTimes::captured, &UpdateTimes::queued,
                                             &UpdateTimes::received, &UpdateTimes::accepted,
                                             &UpdateTimes::mapped,   &UpdateTimes::due};
 
-/// MAP_UPDATE and RELOC_MAP, edge -> mobile: becomes the local map.
+/// MAP_UPDATE and RELOC_MAP, edge -> mobile: the new local map.
 struct MapUpdate {
   std::uint64_t update = 0;  ///< counts from 1
   KeyFrameId newest;
-  /// Points first seen by this keyframe or an earlier one will not be culled for how rarely they
-  /// are found; none: too few keyframes were mapped.
+  /// Points first observed by this keyframe or an earlier one are past the recent-point culling.
+  /// Absent until enough keyframes are mapped.
   KeyFrameId newest_past_probation{};
   UpdateTimes times;
-  MapDelta map;                     ///< the keyframes with all their points
-  std::vector<KeyFramePose> poses;  ///< of other keyframes that moved since the last update
+  MapDelta map;                     ///< keyframes with all their points
+  std::vector<KeyFramePose> poses;  ///< other keyframes that moved since the last update
 };
 
-/// FRAME, mobile -> edge: the question of a lost mobile (Edge-SLAM), where it is; not FRAME_IMAGE.
+/// FRAME, mobile -> edge: a frame that a lost mobile wants to be relocalized (Edge-SLAM).
 struct FrameMessage {
   static constexpr MessageType kType = kOffloadMessages["FRAME"];
   std::uint64_t frame_index = 0;
@@ -84,27 +85,27 @@ struct AckMessage {
   std::uint64_t sequence = 0;
 };
 
-/// ANNOUNCE: goes ahead of a message that waits to be acknowledged, and says what of it the
-/// transport below would get wrong.
+/// ANNOUNCE: sent and acknowledged before the message itself (stop and wait). It carries the
+/// sequence and time that the transport below would replace with its own.
 struct AnnounceMessage {
   static constexpr MessageType kType = kOffloadMessages["ANNOUNCE"];
   std::uint64_t sequence = 0;
-  RunTime queued{};  ///< when it began to wait
+  RunTime queued{};  ///< when the message was queued
   std::uint64_t bytes = 0;
 };
 
 /// BYE on the control channel. The mobile names the last KEYFRAME it sent, so that the edge can
-/// take in what is still under way; the edge answers with its final counts.
+/// wait for those in flight; the edge answers with its final counts.
 struct ByeMessage {
   static constexpr MessageType kType = kOffloadMessages["BYE"];
   std::uint64_t last_keyframe_sequence = 0;
-  std::uint64_t keyframes = 0, points = 0;  ///< of the global map
+  std::uint64_t keyframes = 0, points = 0;  ///< in the global map
 };
 
-/// A KEYFRAME holds one keyframe, whatever its form; one that a map starts with may hold two, as a
-/// single camera's map begins with them, and is named by the later. Throws Error for other numbers.
+/// Throws Error unless the message contains one keyframe, or at most two if it starts a map: a
+/// monocular map starts with two, and the message has the id of the later one.
 void require_keyframes(const KeyFrameMessage& message);
-/// Throws DecodeError for other numbers and other names.
+/// Throws DecodeError for another number of keyframes, or if the last one has another id.
 void expect_keyframes(const KeyFrameMessage& message);
 Bytes encode(const KeyFrameMessage& message);
 Bytes encode(const MapUpdate& message);
@@ -114,7 +115,7 @@ Bytes encode(const AnnounceMessage& message);
 Bytes encode(const ByeMessage& message);
 Bytes encode_poses(const std::vector<KeyFramePose>& poses);
 
-/// All throw DecodeError and nothing else.
+/// These throw only DecodeError.
 KeyFrameMessage decode_keyframe(std::span<const std::uint8_t> bytes, const SensorPtr& sensor);
 MapUpdate decode_update(std::span<const std::uint8_t> bytes, const SensorPtr& sensor);
 FrameMessage decode_frame(std::span<const std::uint8_t> bytes, const SensorPtr& sensor);

@@ -11,21 +11,21 @@ namespace slambed::wire {
 namespace {
 
 enum Flags : std::uint8_t {
-  kNamedDescriptor = 1,   ///< keyframe index and feature follow instead of 32 bytes
-  kFirstIsReference = 2,  ///< first_keyframe is not repeated
-  kReferenceIsNamed = 4,  ///< reference is the keyframe named for the descriptor
-  kNearestDerived = 8,    ///< min_distance follows from max_distance and the pyramid
-  kFresh = 16,            ///< nothing but the id follows: all else does from the feature
+  kNamedDescriptor = 1,   ///< keyframe index and feature index replace the 32 bytes
+  kFirstIsReference = 2,  ///< first_keyframe equals reference and is omitted
+  kReferenceIsNamed = 4,  ///< reference is the keyframe that the descriptor refers to
+  kNearestDerived = 8,    ///< min_distance is computed from max_distance and the pyramid
+  kFresh = 16,            ///< only the id follows: the rest is computed from the feature
   kAllFlags = 31,
 };
 
-/// The least a fresh point can take (flags, id), and any other (position, normal, distance, two
-/// counters and a version besides).
+/// Smallest size of a fresh point (flags, id) and of any other (also position, normal, distance,
+/// two counters and a version).
 constexpr std::size_t kFreshBytes = 2;
 constexpr std::size_t kOtherBytes = kFreshBytes + 12 + 6 + 4 + 3;
 
-/// How far a fresh point may be from the one that its quantized feature makes, relative to its
-/// distance: depth has 12 bits, a pixel is a smaller part.
+/// Largest distance of a fresh point from the point that its quantized feature gives, relative to
+/// its distance from the camera. Most of it comes from the 12-bit mantissa of the depth.
 constexpr double kFreshTolerance = 2e-4;
 
 bool is_near(float a, float b) {
@@ -88,7 +88,7 @@ std::optional<PointCodec::Fresh> PointCodec::fresh(MapPointId id) {
   point.p_w = keyframe.T_cw.inverse() * p_c;
   point.appearance = appearance_of(point.p_w, keyframe.T_cw, features, feature);
   point.reference = point.first_keyframe = keyframe.id;
-  // A received pose may be so far away that nothing is left of the distance.
+  // If a received pose is extremely far away, the distance vanishes in rounding.
   const float farthest_m = point.appearance.max_distance_m;
   if (!(farthest_m > 0) || !std::isfinite(farthest_m)) return std::nullopt;
   return made;
@@ -109,8 +109,8 @@ bool PointCodec::is_fresh(const NewPoint& point) {
          is_near(look.min_distance_m, like.min_distance_m);
 }
 
-/// ORB-SLAM2's range: a point seen at the coarsest level at most distance is seen at the finest at
-/// this one.
+/// ORB-SLAM2's rule: the minimum distance is the maximum distance divided by the scale of the
+/// coarsest pyramid level.
 float PointCodec::nearest_from(float max_distance_m) const {
   if (keyframes_.empty()) return -1;
   return max_distance_m / keyframes_.front().features->sensor().pyramid.scale.back();
@@ -140,7 +140,7 @@ void PointCodec::put(ByteWriter& out, IdStream& ids, const NewPoint& point) {
   } else {
     for (const std::uint64_t word : look.descriptor) out.u64(word);
   }
-  IdStream keyframes;  // a stream of its own: few points need it
+  IdStream keyframes;  // a new stream for each point, because few points need it
   if (!(flags & kReferenceIsNamed)) keyframes.put(out, point.reference);
   if (!(flags & kFirstIsReference)) keyframes.put(out, point.first_keyframe);
   out.varint(point.visible);
@@ -150,7 +150,7 @@ void PointCodec::put(ByteWriter& out, IdStream& ids, const NewPoint& point) {
 
 std::size_t PointCodec::get_count(ByteReader& in) {
   const std::size_t count = in.count(kFreshBytes);
-  // Each fresh point needs a feature that sees it, so that few bytes cannot ask for much memory.
+  // Each fresh point needs an observing feature, so a short message cannot claim much memory.
   if (count > observations().size() + in.remaining() / kOtherBytes) {
     throw DecodeError("more points than there can be");
   }

@@ -9,20 +9,20 @@
 
 namespace slambed::wire {
 
-/// Whether a writer leaves fresh points to the receiver.
+/// Whether fresh points are written whole, or as ids from which the receiver derives them.
 enum class FreshPoints { kWhole, kDerived };
 
-/// Writes and reads new points beside the keyframes of the same delta: whatever follows from those
-/// (descriptor, reference keyframe, nearest distance) is named in a few bytes instead of repeated.
-/// A fresh point, as tracking makes it of one feature with depth, follows whole from that feature:
-/// its id is enough, where it may be off by what quantizing moved the feature.
+/// Writes and reads new points with the help of the keyframes of the same delta. Descriptor,
+/// reference keyframe and minimum distance become short references to them. A fresh point, which
+/// tracking made from one feature with depth, is written as its id alone. The receiver recomputes
+/// it from the quantized feature, so its position has the error of the quantization.
 class PointCodec {
  public:
   explicit PointCodec(const std::vector<NewKeyFrame>& keyframes,
                       FreshPoints fresh = FreshPoints::kWhole);
   void put(ByteWriter& out, IdStream& ids, const NewPoint& point);
   NewPoint get(ByteReader& in, IdStream& ids);
-  /// Number of points that follow; throws DecodeError for more than can be there.
+  /// Returns the number of points that follow. Throws DecodeError if the message cannot hold them.
   std::size_t get_count(ByteReader& in);
 
  private:
@@ -37,7 +37,8 @@ class PointCodec {
     NewPoint point;
     double distance_m = 0;  ///< from the camera
   };
-  /// The point that the receiver makes of the first feature that sees it; none without depth.
+  /// Returns the point that the receiver makes from the first feature that observes it, or nothing
+  /// if that feature has no depth.
   std::optional<Fresh> fresh(MapPointId id);
   /// Whether the point can be sent as its id alone.
   bool is_fresh(const NewPoint& point);
@@ -46,7 +47,7 @@ class PointCodec {
 
   const std::vector<NewKeyFrame>& keyframes_;
   FreshPoints fresh_;
-  std::vector<PointObservation> observations_;  ///< sorted; filled when first needed
+  std::vector<PointObservation> observations_;  ///< sorted; filled on first use
 };
 
 }  // namespace slambed::wire

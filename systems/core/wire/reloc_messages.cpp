@@ -12,7 +12,6 @@ namespace {
 
 constexpr std::size_t kLeastMatch = 3;  ///< bytes
 
-/// A header, then a body that the reader of bodies knows.
 Bytes with_body(ByteWriter header, const Bytes& body) {
   Bytes bytes = header.take();
   bytes.insert(bytes.end(), body.begin(), body.end());
@@ -172,7 +171,7 @@ RelocOk decode_reloc_ok_text(std::span<const std::uint8_t> bytes, const SensorPt
   ByteReader in(bytes);
   RelocOk message = get_ok_header(in);
   const auto keyframe = in.take(in.count(1));
-  decode_frame_text(in.take(in.remaining()), sensor, direct);  // the mobile has it
+  decode_frame_text(in.take(in.remaining()), sensor, direct);  // dropped: the mobile has the frame
   message.keyframe = decode_update_text(keyframe, sensor, direct).map;
   check(message);
   return message;

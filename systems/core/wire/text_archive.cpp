@@ -22,7 +22,7 @@ void append(std::string& text, Format... value_and_format) {
   text.push_back(' ');
 }
 
-/// As the stream's scientific: so many digits behind the point.
+/// Writes max_digits10 digits after the point, as a stream with std::scientific does.
 template <typename Float>
 void put_real(std::optional<std::ostringstream>& stream, std::string& direct, Float value) {
   constexpr int kDigits = std::numeric_limits<Float>::max_digits10;
@@ -95,7 +95,7 @@ Number TextReader::number() {
   skip_blanks();
   const char* end = direct_.data() + direct_.size();
   const auto [rest, error] = std::from_chars(direct_.data() + at_, end, value);
-  // A stream accepts neither "inf" nor "nan", and fails where a number is too large.
+  // As a stream, refuse "inf", "nan" and numbers that are too large.
   if (error != std::errc() || !std::isfinite(static_cast<double>(value))) throw damaged();
   at_ = static_cast<std::size_t>(rest - direct_.data());
   return value;

@@ -12,14 +12,12 @@
 
 namespace slambed::wire {
 
-/// How text is made and read. The time that streams need is part of what such an archive stands
-/// for; where a model charges for it anyway, the same text is had directly, an order of magnitude
-/// faster.
+/// How text is written and read. Streams take the time that Edge-SLAM's archives take. Where a cost
+/// model charges for that time, the same text is made directly, an order of magnitude faster.
 enum class TextMeans : std::uint8_t { kStreams, kDirect };
 
-/// Numbers as decimal text between blanks: what a portable text archive of the Boost kind holds,
-/// and by streams also what it costs. Floats are scientific with as many digits as bring them back
-/// exactly.
+/// Writes numbers as decimal text separated by blanks, as a Boost text archive does. Floats are in
+/// scientific notation with enough digits to be restored exactly.
 class TextWriter {
  public:
   explicit TextWriter(TextMeans means);
@@ -32,9 +30,9 @@ class TextWriter {
   void real(double value);
   /// Must not contain blanks.
   void word(std::string_view value);
-  /// Any text, its length in front.
+  /// Writes any text after its length.
   void text(const std::string& value);
-  /// What another writer has taken.
+  /// Appends the output of another writer.
   void add(std::string_view written);
   std::string take();
 
@@ -45,7 +43,7 @@ class TextWriter {
   std::string direct_;
 };
 
-/// Reads what TextWriter wrote; whatever else comes along is a DecodeError.
+/// Reads what TextWriter wrote. Throws DecodeError for anything else.
 class TextReader {
  public:
   TextReader(std::string text, TextMeans means);
@@ -55,12 +53,13 @@ class TextReader {
   float real32();
   double real64();
   void expect_word(std::string_view value);
-  /// Number of following items of at least min_chars each: never more than what remains can hold.
+  /// Returns the number of items that follow, each at least min_chars long. Throws DecodeError for
+  /// a count that the remaining text cannot hold.
   std::size_t count(std::size_t min_chars);
   std::string text();
   void expect_end();
 
-  /// What has not been read, and going on in it; direct only.
+  /// The text not read yet, and skipping in it; with TextMeans::kDirect only.
   std::string_view rest() const { return std::string_view(direct_).substr(at_); }
   void skip(std::size_t chars) { at_ += chars; }
   void skip_blanks();
@@ -69,7 +68,7 @@ class TextReader {
   template <typename Number>
   Number number();
   std::size_t remaining();
-  /// The next character, or none.
+  /// Returns the next character, or nothing at the end.
   std::optional<char> character();
 
   std::optional<std::istringstream> stream_;

@@ -13,10 +13,10 @@ namespace {
 constexpr int kColumns = 64, kRows = 48;  ///< ORB-SLAM2's search grid
 constexpr int kDescriptorBytes = 32, kBitsOfByte = 8, kBytesOfWord = 8;
 constexpr int kMaxByte = 255;
-constexpr float kPatchPx = 31;  ///< ORB-SLAM2 gives a key point the size of its patch
+constexpr float kPatchPx = 31;  ///< ORB-SLAM2's PATCH_SIZE, a key point's size at level 0
 constexpr float kNoResponse = 0;
 constexpr int kNoClass = -1;
-constexpr float kMarginPx = 32;  ///< lens correction may move a pixel beyond the bounds
+constexpr float kMarginPx = 32;  ///< undistortion may move a key point out of the bounds
 constexpr float kMaxDepth = 4096;
 constexpr std::size_t kFeatureChars = 2 * 7 * 2 + 2 * 2 + 2 * kDescriptorBytes;
 

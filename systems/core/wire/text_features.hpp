@@ -7,11 +7,11 @@
 
 namespace slambed::wire {
 
-/// The features of one image as Edge-SLAM archives them: scale tables, key points raw and
-/// undistorted, right columns, depths, descriptors, bag of words, search grid.
+/// Writes the features of one image as Edge-SLAM archives them: scale tables, raw and undistorted
+/// key points, right_u, depths, descriptors, bag of words, search grid.
 void put_features(TextWriter& out, const std::shared_ptr<const FeatureSet>& features,
                   const Vocabulary& vocabulary, DirectText* direct);
-/// Throws DecodeError. Lossless; the bag of words and the grid are read and dropped.
+/// Lossless, except that the bag of words and the grid are read and dropped. Throws DecodeError.
 std::shared_ptr<const FeatureSet> get_features(TextReader& in,
                                                const std::shared_ptr<const Sensor>& sensor,
                                                DirectText* direct);

@@ -22,7 +22,7 @@ std::uint32_t microseconds(Duration time) {
       std::clamp<std::int64_t>(us, 0, std::numeric_limits<std::uint32_t>::max()));
 }
 
-/// Any 32 bits: what is not finite is for defect() to find.
+/// Accepts any 32 bits; defect() finds numbers that are not finite.
 double read_float(ByteReader& in) { return std::bit_cast<float>(in.u32()); }
 
 }  // namespace
@@ -50,7 +50,7 @@ PoseAnswer decode_pose_answer(std::span<const std::uint8_t> bytes) {
   message.sent = in.time();
   for (const auto part : kParts) message.*part = std::chrono::microseconds(in.u32());
   in.expect_end();
-  // As it came: only unit quaternions give a rotation.
+  // Other quaternions are kept as received, so that defect() finds them.
   const Eigen::Quaterniond q(v[3], v[4], v[5], v[6]);
   const Eigen::Matrix3d R = (is_unit(q) ? q.normalized() : q).toRotationMatrix();
   message.T_cw = SE3(R, {v[0], v[1], v[2]}).inverse();

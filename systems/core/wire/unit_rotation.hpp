@@ -6,10 +6,10 @@
 
 namespace slambed::wire {
 
-/// How far from 1 the norm of a received quaternion may be.
+/// Largest deviation of a received quaternion's norm from 1.
 inline constexpr double kUnitTolerance = 1e-3;
 
-/// Whether a received quaternion is a rotation; one with a NaN is none.
+/// Whether a received quaternion is a rotation. False if it contains a NaN.
 inline bool is_unit(const Eigen::Quaterniond& q) { return std::abs(q.norm() - 1) < kUnitTolerance; }
 
 }  // namespace slambed::wire

@@ -21,7 +21,7 @@ TEST_P(DynNetSlam, TheSafeZoneLeadsToTheMobileSideAndBack) {
   EXPECT_GT(mapped_in(result, result.mobile, "SZ"), 0);
   EXPECT_GT(mapped_in(result, result.mobile, "MES"), 0);
   EXPECT_GT(mapped_in(result, result.edge, "OS"), 0);
-  // There the safe zone is over before a keyframe is mapped.
+  // On fitted devices the safe zone ends before a keyframe is mapped.
   if (!fitted()) {
     EXPECT_GT(mapped_in(result, result.edge, "SZ"), 0);
   }
@@ -40,7 +40,7 @@ TEST_P(DynNetSlam, WithoutASafeZoneTheMapGoesOverAtOnce) {
     expect_no_stale_update(result);
     EXPECT_GT(mapped_in(result, result.mobile, "MES"), 0);
     EXPECT_EQ(mapped_in(result, result.edge, "MES"), 0);
-    // Until the edge has taken the map over the mobile goes on, and what it has begun it finishes.
+    // The mobile maps until the edge has accepted the map, and finishes what it has begun.
     const double taken = result.of("handover_acknowledged").at(0)["t_ns"];
     const double again = result.of("state_changed").back()["t_ns"];
     for (const auto& event : result.mobile) {
@@ -57,7 +57,7 @@ TEST_P(DynNetSlam, AnUpdateOfAnOlderEpochIsDeclined) {
   parameters["sync_period_s"] = 0.0;
   parameters["l_ol_ms"] = 1000.0;
   parameters["b_ms"] = 200.0;
-  // At such latencies some update is always under way.
+  // At such latencies some update is always in transit.
   const PairResult result = run(parameters, 200, testing::steps({{800, 8}, {1300, 20}}));
   EXPECT_EQ(states(result), "OS MES");
   int stale = 0;

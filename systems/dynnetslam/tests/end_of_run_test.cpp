@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Whose poses the final trajectory stands on, by where the run ends.
+// Whose poses the final trajectory uses, depending on where the run ends.
 #include "dynnetslam/tests/switching_pair.hpp"
 
 namespace slambed::testing {
@@ -9,14 +9,14 @@ constexpr double kSamePosition_m = 1e-9;
 
 PairResult run_to_the_end(const PairLink& link, int frames) {
   auto parameters = testing::params(false, false);
-  parameters["n_kf"] = 12;  // of the mobile's keyframes only some are references of frames
+  parameters["n_kf"] = 12;  // only some of the mobile's keyframes are references of frames
   parameters["decision_gap_s"] = 4.0;
   return testing::run_pair(
       dynnetslam_system(), parameters, frames, kFps, link,
       [](SyntheticScene& scene, int frame) { return scene.look(pose_at(frame)); });
 }
 
-/// Keyframes of this map that frames refer to, and how many of them the trajectory has elsewhere.
+/// Counts this map's keyframes that frames refer to, and those the trajectory places elsewhere.
 std::pair<int, int> placed_elsewhere(const PairResult& result, const MapDelta& map) {
   int known = 0, elsewhere = 0;
   for (const NewKeyFrame& keyframe : map.keyframes) {

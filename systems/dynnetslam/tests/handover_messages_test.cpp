@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// A map goes over to the edge: what of it, how often, and when not.
+// Hand-over of a map to the edge: what is sent, how often, and when not.
 #include <gtest/gtest.h>
 
 #include "dynnetslam/handover_client.hpp"
@@ -12,7 +12,7 @@ namespace {
 
 using namespace std::chrono_literals;
 
-/// A client with the worker that its owner gives it, and a server with a mapper that rests.
+/// A client with its owner's worker, and a server whose mapper has nothing to do.
 class Handover : public ::testing::Test {
  protected:
   Handover() {
@@ -32,7 +32,7 @@ class Handover : public ::testing::Test {
       }
     });
   }
-  /// Tracking's calls.
+  /// Makes calls of tracking at this time.
   void at(RunTime when, std::function<void()> act) {
     nodes.on_mobile([when, act = std::move(act)](Worker& worker) {
       worker.sleep_until(when);
@@ -75,7 +75,7 @@ TEST_F(Handover, AnEmptyEdgeGetsAllOfItAndThenOnlyWhatChanged) {
   at(3s, [&] {
     EXPECT_FALSE(client.under_way());
     EXPECT_EQ(at_edge().points, count(*turn.map).points);
-    client.begin(1, turn.map, false);  // nothing has happened since
+    client.begin(1, turn.map, false);  // nothing has changed since
   });
   at(5s, [&] {
     EXPECT_FALSE(client.under_way());
@@ -120,7 +120,7 @@ TEST_F(Handover, AnEdgeThatHasLostItsMapDeclinesChangesAndGetsAllOfIt) {
 
 TEST_F(Handover, OneThatIsStoppedIsWorthNothingAnyMore) {
   at(1s, [&] { client.begin(1, turn.map, false); });
-  at(1005ms, [&] {  // prepared, serialized, on its way
+  at(1005ms, [&] {  // prepared, serialized, in transit
     client.stop(2);
     EXPECT_FALSE(client.under_way());
   });
@@ -140,7 +140,7 @@ TEST_F(Handover, OneThatIsStoppedIsWorthNothingAnyMore) {
 
 TEST_F(Handover, ItIsSentOnceHoweverLongTheAnswerTakes) {
   at(1s, [&] { client.begin(1, turn.map, false); });
-  run(false);  // nobody answers
+  run(false);  // no edge answers
   EXPECT_EQ(sent.size(), 1u);
   EXPECT_TRUE(client.under_way());
   int messages = 0;

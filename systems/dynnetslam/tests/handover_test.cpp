@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The map goes over to the edge: whole, in parts, again and again.
+// Hand-overs of the map to the edge: whole, as changes, and repeated.
 #include <random>
 
 #include "dynnetslam/tests/switching_pair.hpp"
@@ -44,14 +44,14 @@ TEST_P(DynNetSlam, TwoHundredSwitchesLeaveEverythingInOrder) {
     rtts.push_back({120, 1.5});
   }
   const PairResult result = run(params(false, false), kFrames, steps(rtts));
-  // Over the slow link the RTT follows later, and not each time far enough.
+  // Over the slow link the RTT changes later, and not always far enough.
   EXPECT_GE(result.of("state_changed").size(), fitted() ? 80u : 200u);
   expect_all_tracked(result, kFrames);
   expect_no_stale_update(result);
   expect_consistent(result.edge_map);
   expect_consistent(result.mobile_map);
-  // The room is seen over and over, and Edge-SLAM maps it again each time. The switches add to
-  // that no more than a few redundant elements.
+  // The camera sees the room repeatedly, and Edge-SLAM maps it again each time. The switches add
+  // only a few redundant elements.
   const PairResult unswitched = run(params(false, false), kFrames, steps({{5, 1}}));
   EXPECT_EQ(states(unswitched), "OS");
   EXPECT_LT(result.edge_counts.keyframes, 1.5 * unswitched.edge_counts.keyframes);
@@ -82,7 +82,7 @@ TEST(DynNetSlamHandover, OneThatTheEdgeCannotReadIsNotWaitedForForEver) {
   ASSERT_EQ(answered.size(), 3u);
   EXPECT_EQ(sent[0]["whole"], false);
   EXPECT_EQ(sent[1]["whole"], true);
-  // What was declined whole is not sent over and over.
+  // A whole map that was declined is not sent again at once.
   EXPECT_GE(sent[2]["t_ns"].get<double>(), answered[1]["t_ns"].get<double>() + 2e9);
   EXPECT_EQ(answered[1]["accepted"], false);
   EXPECT_EQ(answered[2]["accepted"], true);
@@ -114,7 +114,7 @@ TEST(DynNetSlamSingleCamera, BothKeyFramesOfItsFirstMapAreMappedHereAndGoOver) {
   }
 }
 
-/// Along a wall without an end, at 3.4 m/s: every meter looks like nothing before it.
+/// Along an endless wall at 3.4 m/s, where every meter looks new.
 std::shared_ptr<const FeatureSet> along_the_wall(SyntheticScene& scene, int frame) {
   constexpr double kStep_m = 0.34;
   constexpr int kPerMeter = 220, kView_m = 3;
@@ -165,7 +165,7 @@ TEST(DynNetSlamHandover, ALargeMapOverASlowLinkIsSentOnce) {
   ASSERT_EQ(acknowledged.size(), 1u);
   EXPECT_EQ(acknowledged[0]["accepted"], true);
   EXPECT_GT(acknowledged[0]["handover_ms"].get<double>(), 5000);
-  // Then mapping rests here, what was held goes to the edge, and the edge maps it.
+  // Then the mobile stops mapping, sends deferred keyframes, and the edge maps them.
   const double taken = acknowledged[0]["t_ns"];
   std::vector<std::uint64_t> made;
   for (const auto& event : result.mobile) {

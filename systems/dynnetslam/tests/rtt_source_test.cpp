@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Where DynNetSLAM learns the RTT from, and what it does when nothing tells it any more.
+// DynNetSLAM's sources of the RTT, and what it does when there is no RTT any more.
 #include "base/error.hpp"
 #include "dynnetslam/tests/switching_pair.hpp"
 

@@ -14,7 +14,7 @@
 namespace slambed::testing {
 
 inline constexpr double kFps = 10;
-/// How far a keyframe of either map may be from where the camera was.
+/// Largest allowed distance of a keyframe of either map from the camera's true position.
 inline constexpr double kPositionTolerance_m = 0.02;
 
 inline nlohmann::json params(bool hysteresis, bool safe_zone) {
@@ -36,7 +36,7 @@ inline nlohmann::json params(bool hysteresis, bool safe_zone) {
   return params;
 }
 
-/// RTTs in ms, each for so many seconds.
+/// Makes a link from pairs of an RTT in ms and its duration in s.
 inline PairLink steps(const std::vector<std::pair<double, double>>& rtts) {
   PairLink link{.one_way_ms = {}, .step_s = 0.1};
   for (const auto& [rtt_ms, seconds] : rtts)
@@ -45,7 +45,7 @@ inline PairLink steps(const std::vector<std::pair<double, double>>& rtts) {
   return link;
 }
 
-/// Up in a straight line and down again.
+/// Makes a link whose RTT rises linearly to the peak and falls again.
 inline PairLink ramp(double peak_rtt_ms, double half_s) {
   PairLink link{.one_way_ms = {}, .step_s = 0.1};
   const int half = static_cast<int>(half_s * 10);
@@ -71,8 +71,8 @@ inline void expect_all_tracked(const PairResult& result, int frames) {
   EXPECT_TRUE(result.of("warning").empty());
 }
 
-/// Every keyframe where the camera was, every observation of a point that is there, no point that
-/// nothing sees.
+/// Expects keyframes at the camera's true positions, observations of existing points only, and no
+/// point without observations.
 inline void expect_consistent(const MapDelta& map, double speed) {
   std::set<MapPointId> points, seen;
   for (const NewPoint& point : map.points) points.insert(point.id);
@@ -90,8 +90,7 @@ inline void expect_consistent(const MapDelta& map, double speed) {
   EXPECT_EQ(seen.size(), points.size());
 }
 
-/// No map that the edge made in an older epoch was applied; times in ns. Needs updates to be
-/// worth anything.
+/// Expects that no map of an older epoch was applied (times in ns). Needs a run with updates.
 inline void expect_no_stale_update(const PairResult& result) {
   std::map<std::uint64_t, double> epoch_ends;  // when epoch n was over
   for (const auto& event : result.of("state_changed")) {
@@ -113,7 +112,7 @@ inline void expect_no_stale_update(const PairResult& result) {
   EXPECT_GT(compared, 0) << "no update of an epoch that ended was applied: nothing was compared";
 }
 
-/// Keyframes mapped on a node while the state was this one, a second after it began.
+/// Counts keyframes mapped on a node in this state, from a second after it began.
 inline int mapped_in(const PairResult& result, const std::vector<nlohmann::json>& side,
                      const std::string& state) {
   const auto changes = result.of("state_changed");
@@ -131,15 +130,15 @@ inline int mapped_in(const PairResult& result, const std::vector<nlohmann::json>
   return mapped;
 }
 
-/// With the same costs for everything, whatever its size; and with the devices fitted to the paper,
-/// over a link on which a map takes its time.
+/// kUniform: all stages cost the same, whatever their size. kFitted: devices fitted to the paper,
+/// over a link on which a map takes long.
 enum class World { kUniform, kFitted };
 
 class DynNetSlam : public ::testing::TestWithParam<World> {
  protected:
   static bool fitted() { return GetParam() == World::kFitted; }
-  /// One keyframe takes 32 ms at 10 Mbit/s, which the RTT shows: limits and latencies lie further
-  /// apart there.
+  /// A keyframe takes 32 ms at 10 Mbit/s, which adds to the RTT, so limits and latencies are
+  /// further apart there.
   static double wider() { return fitted() ? 5 : 1; }
   /// The fitted board needs a second for each keyframe.
   static double speed() { return fitted() ? 0.5 : 1; }

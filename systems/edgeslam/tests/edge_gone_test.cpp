@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// An edge that another takes the place of, or that is never heard of again.
+// An edge that is replaced by another, or never connects again.
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -40,7 +40,7 @@ TEST(EdgeSlam, AnEdgeInThePlaceOfAnotherIsToldNothingOfItsUpdates) {
   }
   EXPECT_GT(before, 0u);
   EXPECT_GT(after, 1);
-  // It asked for a keyframe just then: the one that its map begins with is the answer.
+  // The new edge asked for a keyframe just then; the one that its map starts with is the answer.
   std::vector<int> urgent;
   for (const auto& made : result.of("keyframe_created")) {
     if (made["t_ns"] >= 7'000'000'000 && made["need"] == "urgent") urgent.push_back(made["frame"]);
@@ -50,7 +50,7 @@ TEST(EdgeSlam, AnEdgeInThePlaceOfAnotherIsToldNothingOfItsUpdates) {
   EXPECT_FALSE(urgent.size() > 1 && urgent[1] == 71);
 }
 
-/// Keyframes that the mobile has, bit for bit, where the edge has them.
+/// Counts keyframes whose pose on the mobile is bit-identical to the edge's.
 int placed_by_the_edge(const PairResult& result, int first_frame, int last_frame) {
   int same = 0;
   for (const NewKeyFrame& keyframe : result.edge_map.keyframes) {
@@ -63,7 +63,7 @@ int placed_by_the_edge(const PairResult& result, int first_frame, int last_frame
   return same;
 }
 
-/// The edge never hears the BYE in time.
+/// A link that breaks, so that the edge does not receive the BYE in time.
 PairLink that_breaks() {
   PairLink link;
   link.gaps = {{12'000'000'000, 45'000'000'000}};

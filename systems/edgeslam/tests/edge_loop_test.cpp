@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Loops in the edge's map while the mobile goes on in a local map that knows nothing of them.
+// Loops closed in the edge's map while the mobile tracks in a local map without them.
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -16,7 +16,7 @@ using testing::PairResult;
 using testing::pose_at;
 using testing::through_a_wrong_lens;
 
-/// A lap, and what it takes to see that it was one.
+/// Frames of one lap, and of enough of the next to close the loop.
 constexpr int kLap = 144, kFrames = 176;
 
 PairResult two_laps(const System& system, bool loop_closing, double bundle_us = 2000) {
@@ -30,7 +30,7 @@ PairResult two_laps(const System& system, bool loop_closing, double bundle_us = 
                            through_a_wrong_lens);
 }
 
-/// How much keyframes of the second lap are turned against the first lap: that is drift.
+/// Rotation error of each second-lap keyframe against the first lap, which is drift.
 std::map<std::uint64_t, double> drift_deg(const PairResult& result) {
   std::map<std::uint64_t, double> drift;
   for (const NewKeyFrame& keyframe : result.edge_map.keyframes) {
@@ -42,11 +42,11 @@ std::map<std::uint64_t, double> drift_deg(const PairResult& result) {
   return drift;
 }
 
-/// With and without a loop.
+/// Limits with a closed loop and without.
 constexpr double kInPlace_deg = 1, kDrifted_deg = 2;
 
-/// What came in after the first loop was closed is where the loop has put the rest; returns how
-/// many keyframes that were.
+/// Expects that keyframes received after the first loop was closed agree with the corrected map.
+/// Returns how many there were.
 int expect_all_in_place(const PairResult& result) {
   const auto closed = result.of("loop_closed");
   if (closed.empty()) return 0;
@@ -90,10 +90,10 @@ TEST(EdgeLoops, WithoutLoopClosingTheDriftStays) {
   for (const auto& [keyframe, deg] : drift) EXPECT_GT(deg, kDrifted_deg) << keyframe;
 }
 
-/// Names no keyframe: it marks the update.
+/// The id of no keyframe, which marks the update.
 constexpr std::uint64_t kMeanwhile = std::uint64_t{1} << 56 | 999'999;
 
-/// Sends an update while the first loop is being closed, as answers to a lost mobile are.
+/// Sends an update while the first loop is being closed, as answers to a lost mobile may be.
 class SendsWhileClosing final : public EdgePolicy {
  public:
   SendsWhileClosing(EdgeNode& node, const Parameters& parameters)
@@ -122,7 +122,7 @@ TEST(EdgeLoops, AMapSentWhileALoopIsBeingClosedIsOneFromBefore) {
   system.edge = [](EdgeNode& node, const Parameters& parameters) {
     return std::make_unique<SendsWhileClosing>(node, parameters);
   };
-  // The bundle behind it takes minutes: it puts nothing right, and nobody waits for it at the end.
+  // The global bundle takes minutes: it corrects nothing, and the end does not wait for it.
   const PairResult result = two_laps(system, true, 60e6);
   const auto closed = result.of("loop_closed");
   ASSERT_FALSE(closed.empty());

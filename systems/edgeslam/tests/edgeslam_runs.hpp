@@ -6,7 +6,7 @@
 #include "edgeslam/edgeslam.hpp"
 #include "offload/tests/turning_pair.hpp"
 
-/// Runs of this system's two nodes, its own switches set beside those of a variant.
+/// Runs of edgeslam's two nodes: a variant's parameters with edgeslam's own switches added.
 namespace slambed::testing::edgeslam {
 
 inline nlohmann::json with_switches(nlohmann::json params) {

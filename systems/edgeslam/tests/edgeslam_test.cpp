@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Edge-SLAM's two nodes in virtual time on a synthetic scene: repeatable, and no timing of this
-// machine decides.
+// Edge-SLAM's two nodes in virtual time on a synthetic scene: repeatable, and independent of this
+// machine's timing.
 #include "edgeslam/edgeslam.hpp"
 
 #include <gtest/gtest.h>
@@ -19,7 +19,7 @@ using testing::PairLink;
 using testing::PairResult;
 using testing::pose_at;
 
-/// How far a keyframe of the edge's map may be from where the camera was.
+/// Largest allowed distance between a keyframe of the edge's map and the camera's true position.
 constexpr double kPositionTolerance_m = 0.02;
 
 double sum_of_parts(const nlohmann::json& applied) {
@@ -83,7 +83,7 @@ TEST_P(EdgeSlamVariants, UpdatesComeEveryPeriodAndTheirDelaysAddUp) {
 }
 
 TEST_P(EdgeSlamVariants, AnUpdateTellsHowLongTrackingStoodStill) {
-  // Every stage takes 2 ms: serial parses and does the four of an update, parallel only swaps.
+  // Every stage takes 2 ms: serial has parsing and the four update stages, parallel only the swap.
   const double pause_ms = params()["map_update"] == "serial" ? 10 : 2;
   const auto applied = runs::run(params()).of("update_applied");
   ASSERT_FALSE(applied.empty());
@@ -104,7 +104,7 @@ TEST_P(EdgeSlamVariants, TheMapStartsWithTheFirstKeyframeThatComes) {
   const auto received = result.of("keyframe_received");
   ASSERT_GT(received.size(), 5u);
   EXPECT_GT(received.front()["keyframe"].get<std::uint64_t>() & 0xffff, 3u);
-  // Once there is a map nothing else is asked for, and it is the mobile's map.
+  // Once the edge has a map it asks for nothing more, and the map is the mobile's.
   const double begun = received.front()["t_ns"];
   for (const auto& declined : result.of("keyframe_declined")) {
     if (declined["t_ns"].get<double>() > begun) {
@@ -117,7 +117,7 @@ TEST_P(EdgeSlamVariants, TheMapStartsWithTheFirstKeyframeThatComes) {
     EXPECT_LT((keyframe.T_cw.inverse().t - truth.inverse().t).norm(), kPositionTolerance_m)
         << "frame " << keyframe.frame_index;
   }
-  // The keyframe that the map started with came with all it saw, not only with its new points.
+  // The map's first keyframe arrived with all points that it sees, not only with its new ones.
   const auto& first = result.edge_map.keyframes.front();
   EXPECT_GT(std::count_if(first.points.begin(), first.points.end(),
                           [](MapPointId id) { return bool(id); }),
@@ -137,14 +137,14 @@ TEST(EdgeSlam, KeyframesLeaveOutWhatTheEdgeNeedsNoMore) {
   const auto applied = result.of("update_applied");
   ASSERT_GE(applied.size(), 2u);
   const double first = applied.front()["t_ns"], second = applied[1]["t_ns"];
-  // Observation counts of every point in view grow with the local map until an update says which
-  // are past their probation.
+  // Keyframes carry observation counts of every point in view, which grow with the local map, until
+  // an update tells which points are past probation.
   double before = 0, after = 0;
   for (const auto& message : result.of("message")) {
     if (message["message"] != "KEYFRAME") continue;
     const double sent = message["queued_ns"], bytes = message["bytes"];
     if (sent < first) before = std::max(before, bytes);
-    // Right behind an update the local map has few points that are on probation.
+    // Right after an update the local map has few points on probation.
     if (sent > second && sent < second + 5e8) after = std::max(after, bytes);
   }
   EXPECT_GT(after, 0);

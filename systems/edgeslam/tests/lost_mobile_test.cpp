@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// A mobile that lost track asks the edge where it is.
+// A mobile that lost tracking is relocalized with the edge's help.
 #include <gtest/gtest.h>
 
 #include "edgeslam/tests/edgeslam_runs.hpp"
@@ -13,8 +13,8 @@ using testing::PairResult;
 using testing::SyntheticScene;
 using testing::turn;
 
-/// Ten seconds of turning, one second of darkness, then again what was seen at second two: the
-/// local map of one keyframe does not reach that far back, the edge's does.
+/// Ten seconds of turning, one second of darkness, then the view from second two again. The local
+/// map of one keyframe does not reach back that far; the edge's map does.
 std::shared_ptr<const FeatureSet> dark_for_a_second(SyntheticScene& scene, int frame) {
   if (frame >= 100 && frame < 110) return scene.nothing();
   return turn(scene, frame < 100 ? frame : frame - 90);
@@ -37,12 +37,12 @@ TEST(EdgeSlam, ALostMobileFindsItselfWithTheEdgesHelp) {
   EXPECT_GT(in_the_edges_map, 0);
   EXPECT_EQ(result.of("frame_tracked").back()["state"], "ok");
 
-  // It is the edge that helps: when it never hears the question, the mobile stays lost.
+  // The edge is needed: when it never receives the frames, the mobile stays lost.
   PairLink deaf;
   deaf.lossy_channel = "frame";
   deaf.lost = 1000;
   const PairResult alone = run_through_darkness(deaf);
-  for (const auto& event : alone.of("relocalized")) {  // until it sees the place where it got lost
+  for (const auto& event : alone.of("relocalized")) {  // until it sees the place where it was lost
     EXPECT_GT(event["t_ns"].get<double>(), relocalized[0]["t_ns"].get<double>() + 4e9);
   }
 }
@@ -53,7 +53,7 @@ TEST(EdgeSlam, NoRegularUpdateLeavesWhileTheMobileAsksWhereItIs) {
   params["sync_period_s"] = 0.0;
   params["fast_motion_ms"] = 0.0;
   int mapped = 0;
-  // Edges that lag behind: when tracking is lost, keyframes still wait to be mapped.
+  // Slow edges: when tracking is lost, keyframes still wait to be mapped.
   for (const double stage_us : {60'000.0, 100'000.0, 150'000.0, 200'000.0}) {
     PairLink link;
     link.edge_device = testing::uniform_device(stage_us);

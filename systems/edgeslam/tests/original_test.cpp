@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Edge-SLAM's own ways, one switch at a time: what each does, not what it costs.
+// Edge-SLAM's original behavior, one switch at a time: its effects, not its costs.
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -68,7 +68,7 @@ TEST(Original, TrackingWaitsWhileAnUpdateIsBuiltBesideIt) {
   PairLink link;
   link.mobile_device = testing::uniform_device(40'000);
   link.mobile_device->stages["parse"].a_us =
-      200'000;  // the other thread is at it for several frames
+      200'000;  // an update takes the other thread several frames
   auto params = ours();
   params["fast_motion_ms"] = 0.0;
   params["sync_period_s"] = 1.0;

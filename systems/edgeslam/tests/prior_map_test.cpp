@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// An edge that begins with a stored map, and a mobile that begins in it.
+// An edge that starts with a stored map, and a mobile that starts in it.
 #include <gtest/gtest.h>
 
 #include "base/error.hpp"
@@ -28,7 +28,7 @@ nlohmann::json params(const std::string& map) {
 TEST(EdgeSlamPriorMap, AMobileIsFoundInTheMapThatTheEdgeBeganWith) {
   const PairResult result = runs::run(params(turn_before().map()), 120, 0.1, testing::later_trip);
   testing::expect_found_in(turn_before(), result);
-  // Answered with a part of it: its map was never thrown away, nor is all of it here.
+  // The mobile got a part of the stored map, which the edge never cleared.
   EXPECT_LT(result.mobile_map.keyframes.size(), turn_before().keyframes);
   EXPECT_FALSE(result.of("update_applied").empty());
 }

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// One camera without depth: the mobile's first map is two keyframes, whose scale the edge takes.
+// A monocular camera: the mobile's first map has two keyframes, and the edge adopts its scale.
 #include <gtest/gtest.h>
 
 #include "edgeslam/tests/edgeslam_runs.hpp"
@@ -17,7 +17,7 @@ constexpr int kWalkFrames = 450;
 constexpr double kWalkFps = 30;
 
 PairResult play(nlohmann::json params, int frames, PairLink link = {}) {
-  // All points but the first are the edge's: a mobile that waits for them for seconds is lost.
+  // All points but the first come from the edge; a mobile that waits seconds for them gets lost.
   params["sync_period_s"] = 0.0;
   params["fast_motion_ms"] = 0.0;
   link.single_camera = true;
@@ -31,7 +31,7 @@ Eigen::Vector3d true_center(const NewKeyFrame& keyframe) {
   return testing::stroll_round(static_cast<int>(keyframe.frame_index)).inverse().t;
 }
 
-/// How far keyframes of the map are from where the camera was, after the similarity that fits best.
+/// Largest distance between a keyframe and the true camera after the best-fitting Sim(3).
 double worst_error_m(const MapDelta& map) {
   std::vector<Eigen::Vector3d> mapped, truth;
   for (const NewKeyFrame& keyframe : map.keyframes) {
@@ -68,7 +68,7 @@ TEST_P(SingleCamera, TheEdgeTakesTheMapOfTwoKeyFramesAsItIs) {
   ASSERT_EQ(result.of("initialized").size(), 1u);
   EXPECT_TRUE(result.of("track_lost").empty());
   EXPECT_TRUE(result.of("warning").empty());
-  // Two keyframes are made at once and go as one, named by the later.
+  // Two keyframes are made at once and sent as one message under the later one's id.
   const auto created = result.of("keyframe_created");
   ASSERT_GT(created.size(), 3u);
   ASSERT_EQ(created[0]["t_ns"], created[1]["t_ns"]);
@@ -76,7 +76,7 @@ TEST_P(SingleCamera, TheEdgeTakesTheMapOfTwoKeyFramesAsItIs) {
   ASSERT_FALSE(received.empty());
   EXPECT_EQ(received[0]["keyframe"], created[1]["keyframe"]);
   EXPECT_FALSE(result.of("update_applied").empty());
-  // Both are told where they ended, and the edge made points beyond the first map's.
+  // The mobile gets the final poses of both, and the edge made points beyond the first map's.
   for (int k = 0; k < 2; ++k)
     EXPECT_TRUE(result.keyframe_poses.contains({created[k]["keyframe"].get<std::uint64_t>()}));
   EXPECT_GT(made_by_edge(result.edge_map), 100);

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// How well a mask culls later frames, where the truth is known.
+// Tests how well a mask culls later frames, against the generator's true masks.
 #include "edgeslam_semantic/culling_by_age.hpp"
 
 #include <gtest/gtest.h>
@@ -15,7 +15,7 @@ namespace {
 
 constexpr int kAcross = 320, kDown = 240, kSeconds = 3, kRate = 15, kAges = 20;
 
-/// People who cross the picture, before a camera that moves.
+/// Plays two people who cross the picture in front of a moving camera.
 class Culling : public ::testing::Test {
  protected:
   static void SetUpTestSuite() {

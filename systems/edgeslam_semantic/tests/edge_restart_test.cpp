@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Another edge process takes the place of one that was killed.
+// A new edge process replaces one that was killed.
 #include <gtest/gtest.h>
 
 #include "edgeslam_semantic/tests/semantic_pair.hpp"
@@ -28,7 +28,7 @@ class EdgeRestart : public SemanticPair {
     chosen["label_frames"] = kLabelFrames;
     return chosen;
   }
-  /// Something moves below.
+  /// Masks the lower half of the picture.
   static std::optional<FrameMasks> below(std::uint64_t) {
     constexpr std::uint32_t kOutside = kWidth * kHeight / 2;
     return FrameMasks{kWidth,
@@ -58,7 +58,7 @@ TEST_F(EdgeRestart, TheNewEdgesMapBeginsWithTheMobiles) {
     EXPECT_EQ(run.of("frame_answered").size(), std::size_t{kTwice}) << "tracking never waits";
     EXPECT_TRUE(run.of("track_lost").empty());
     for (const auto& frame : after(run.of("frame_answered"), kLife.dies)) EXPECT_TRUE(frame["ok"]);
-    // Uploads and slices go on, in the mobile's own world and scale.
+    // Uploads and slices continue in the mobile's world and scale.
     EXPECT_GT(after(run.of("keyframe_sent"), when(restarted.front())).size(), 3u) << adapt;
     const auto slices = after(run.of("slice_applied"), kLife.comes_back);
     ASSERT_GT(slices.size(), 3u) << adapt;
@@ -94,7 +94,7 @@ TEST_F(EdgeRestart, LabelsAgeOutAndComeBackWithMasks) {
   EXPECT_GT(culled_after, 100);
 }
 
-/// What waited for the dead edge is of a map that the new one does not know.
+/// Uploads queued for the dead edge belong to a map that the new edge does not have.
 TEST_F(EdgeRestart, WhatWaitedForTheOldEdgeIsDeclined) {
   const Played run = play_pair(edgeslam(true, false), below, kLife);
   ASSERT_EQ(run.of("edge_restarted").size(), 1u);
@@ -109,8 +109,8 @@ TEST_F(EdgeRestart, WhatWaitedForTheOldEdgeIsDeclined) {
     EXPECT_GE(id(keyframe), restart);
 }
 
-/// While no slice comes, the local map is of the newest uploads and of references since the last
-/// but one.
+/// While no slices come, the local map has only the newest uploads and the references since the
+/// last but one.
 TEST_F(EdgeRestart, TheLocalMapDoesNotGrowWhileTheEdgeIsDead) {
   constexpr int kLong = 330, kKept = 2;
   sequence = folder.path() / "longer";
@@ -131,13 +131,13 @@ TEST_F(EdgeRestart, TheLocalMapDoesNotGrowWhileTheEdgeIsDead) {
       made.begin(), made.end(), [&](std::uint64_t id) { return id >= sent[sent.size() - kKept]; });
   EXPECT_EQ(kept_keyframes, static_cast<std::uint64_t>(since));
   EXPECT_LT(kept_keyframes, made.size() / 2);
-  // Tracking does not suffer, and the new edge's map begins with it.
+  // Tracking is not lost, and the new edge's map starts from the local map.
   EXPECT_TRUE(run.of("track_lost").empty());
   ASSERT_EQ(run.of("edge_restarted").size(), 1u);
   EXPECT_GT(after(run.of("slice_applied"), life.comes_back).size(), 3u);
 }
 
-/// The edge's window then has keyframes whose features the mobile has no more.
+/// After the pause the edge's window has keyframes whose features the mobile no longer keeps.
 TEST_F(EdgeRestart, AnEdgeThatStoodStillForLongGoesOn) {
   scenario["edge_frozen_s"] = {{1.0, 6.5}};
   nlohmann::json chosen = edgeslam(false, false);
@@ -170,7 +170,8 @@ TEST_F(EdgeRestart, FullyOffloadedTheTrajectoryIsThatOfTheNewEdgesMapAlone) {
   EXPECT_EQ(lines, static_cast<long>(of_new_map) + 1);
 }
 
-/// The frame that the dead edge had is lost; the new connection tells, long before its patience.
+/// The frame sent to the dead edge is lost. The new connection reveals this long before the
+/// timeout.
 TEST_F(EdgeRestart, FullyOffloadedTheNextFrameGoesAsSoonAsTheNewEdgeIsThere) {
   nlohmann::json chosen = edgeslam(false, false);
   chosen["full_offload"] = true;
@@ -186,7 +187,7 @@ TEST_F(EdgeRestart, FullyOffloadedTheNextFrameGoesAsSoonAsTheNewEdgeIsThere) {
   EXPECT_GT(sent.size(), 30u);
 }
 
-/// What is sent to a link without an edge waits there for the new one, which answers it.
+/// Frames sent while no edge is connected wait for the new edge, which answers them.
 TEST_F(EdgeRestart, FullyOffloadedWhatWaitedForTheNewEdgeIsWaitedFor) {
   nlohmann::json chosen = edgeslam(false, false);
   chosen["full_offload"] = true;

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// ORB-SLAM and Mask-SLAM with everything on the edge, in virtual time on generated pictures.
+// Fully offloaded ORB-SLAM and Mask-SLAM in virtual time on generated pictures.
 #include <gtest/gtest.h>
 
 #include "base/error.hpp"
@@ -79,7 +79,7 @@ TEST_F(FullOffload, EveryPictureIsSegmentedAndNothingUnderAMaskIsTracked) {
   EXPECT_GT(features(run), 0);
   write_masks(0);
   std::filesystem::remove(folder.path() / "m.masks");
-  write_masks(0);  // all of the picture moves
+  write_masks(0);  // the mask covers the whole picture
   for (const auto& frame : play(masked).of("frame_tracked")) EXPECT_EQ(frame["features"], 0);
 }
 

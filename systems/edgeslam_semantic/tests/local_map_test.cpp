@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The mobile's local map when a slice comes: what is newer, its own, or deleted by the edge.
+// How a slice changes the mobile's local map: newer keyframes, own points, and deletions.
 #include <gtest/gtest.h>
 
 #include <random>
@@ -16,7 +16,7 @@ namespace {
 using wire::keyframe_id;
 using wire::point_id;
 
-/// Two keyframes of the mobile's, and one that is newer than what the edge knows.
+/// Two keyframes in the window, and one that is newer than the edge's map.
 class LocalMap : public ::testing::Test {
  protected:
   static constexpr int kFeatures = 40;
@@ -42,7 +42,7 @@ class LocalMap : public ::testing::Test {
       point.reference = point.first_keyframe = keyframe_id(1);
       delta.points.push_back(point);
     }
-    // One more that only the newest keyframes see, of the mobile's own.
+    // One more point of the mobile's own, which only the two newest keyframes see.
     NewPoint mine;
     mine.id = own_point;
     mine.p_w = {1, 1, 4};
@@ -76,7 +76,7 @@ class LocalMap : public ::testing::Test {
 };
 
 TEST_F(LocalMap, WhatIsNewerThanTheSliceMovesAlongWithItsScale) {
-  // The edge has the same world, twice as large and elsewhere.
+  // The edge has the same world at twice the scale, rotated and shifted.
   const Sim3 moved{
       2, Eigen::AngleAxisd(0.3, Eigen::Vector3d::UnitY()).toRotationMatrix(), {1, 2, 3}};
   for (auto& [id, p_w] : window.points) p_w = moved * p_w;
@@ -131,7 +131,8 @@ TEST_F(LocalMap, WhatTheEdgeDeletedGoesAndWhatIsOlderGoesToo) {
 }
 
 TEST_F(LocalMap, TheEdgeKnowsAnOwnPointByTheFeatureItSaw) {
-  // The edge has made a point of feature 5 of keyframe 2 meanwhile; keyframe 4 brings the mobile's.
+  // The edge has made its own point at feature 5 of keyframe 2 before keyframe 4 brings the
+  // mobile's.
   Map edge;
   MapDelta known = before.read([&](const MapView& view) {
     MapDelta delta;
@@ -198,7 +199,7 @@ TEST_F(LocalMap, FeaturesAreKeptOfTheWindowAndOfWhatIsNewer) {
   EXPECT_EQ(own.size(), 3u) << "an empty window tells nothing";
 }
 
-/// Before a wall nothing leaves the window, and the edge deletes every keyframe but the first ones.
+/// In front of a wall no keyframe leaves the window, but the edge deletes all except the first.
 TEST_F(LocalMap, FeaturesOfKeyFramesThatTheEdgeDeletedAreNotKept) {
   const OwnKeyFrame one = own.at(keyframe_id(3));
   for (std::uint64_t k = 4; k <= 1000; ++k) {
@@ -218,7 +219,7 @@ TEST_F(LocalMap, PointsMostlySeenOnWhatMovesGoOthersLoseThatObservation) {
   labels[keyframe_id(1)][0] = 1;  // one of three observations
   labels[keyframe_id(2)].assign(kFeatures, 0);
   labels[keyframe_id(2)][5] = 1;                // one of two
-  labels[keyframe_id(7)].assign(kFeatures, 1);  // nobody knows it
+  labels[keyframe_id(7)].assign(kFeatures, 1);  // not in the map
   const MapDelta delta =
       before.read([&](const MapView& view) { return without_labeled(view, labels); });
   EXPECT_EQ(delta.culled_points, std::vector{own_point});

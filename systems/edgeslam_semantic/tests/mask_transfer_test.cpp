@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Labels of a mask follow features from frame to frame.
+// Labels from a mask follow features from frame to frame.
 #include <gtest/gtest.h>
 
 #include <random>
@@ -12,7 +12,7 @@ namespace {
 
 constexpr int kCount = 60, kHalf = 320;
 
-/// Features on a grid, each with a descriptor of its own; those on the left half walk right.
+/// A grid of features with distinct descriptors. The features in the left half move right.
 class Walk {
  public:
   Walk() : sensor_(wire::example_camera().make_sensor()) {
@@ -21,7 +21,7 @@ class Walk {
       descriptors_.push_back({random(), random(), random(), random()});
   }
 
-  /// hidden: left out of the frame.
+  /// hidden: index of a feature that is missing in this frame.
   std::shared_ptr<const FeatureSet> frame(int number, int hidden = -1) const {
     std::vector<KeyPoint> points;
     std::vector<Descriptor> descriptors;
@@ -37,7 +37,7 @@ class Walk {
   }
   static constexpr bool walks(int i) { return i % 10 < 5; }
 
-  /// Whatever moves, as it is in frame 1.
+  /// The mask of frame 0: one person covers all moving features.
   FrameMasks left_half() const {
     Instance person{.object_class = 0, .moves = true, .score = 1, .runs = {}, .body = {}};
     person.runs = {0, kHalf};
@@ -71,6 +71,20 @@ TEST(MaskTransfer, ALateMaskLabelsTheFeaturesOfNow) {
   EXPECT_EQ(
       std::count(labels.at(wire::keyframe_id(1)).begin(), labels.at(wire::keyframe_id(1)).end(), 1),
       kCount / 2);
+}
+
+TEST(MaskTransfer, AKeyframeIsKeptLongerThanLabelsLast) {
+  const Walk walk;
+  MaskTransfer transfer({.frames = 300});
+  transfer.track(walk.frame(0));
+  transfer.keep(wire::keyframe_id(1));
+  for (int n = 1; n <= 300; ++n) transfer.track(walk.frame(0));
+  transfer.keep(wire::keyframe_id(2));
+  EXPECT_TRUE(transfer.labels().contains(wire::keyframe_id(1)));
+  for (int n = 301; n <= 331; ++n) transfer.track(walk.frame(0));
+  transfer.keep(wire::keyframe_id(3));
+  EXPECT_FALSE(transfer.labels().contains(wire::keyframe_id(1)));
+  EXPECT_TRUE(transfer.labels().contains(wire::keyframe_id(2)));
 }
 
 TEST(MaskTransfer, AFeatureThatWasAwayForAMomentKeepsItsLabel) {
@@ -116,7 +130,7 @@ TEST(MaskTransfer, AFresherMaskSetsFree) {
 }
 
 constexpr int kWalker = 23, kStander = 26;
-/// Far enough for the features around these.
+/// Large enough to reach the grid neighbors of these two features.
 constexpr float kReach_px = 130;
 
 TEST(MaskTransfer, AFeatureThatBeganLaterIsLabeledWhereTheMaskCoversTheFrameItsNeighborsCameFrom) {

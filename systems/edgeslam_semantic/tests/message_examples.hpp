@@ -56,7 +56,7 @@ inline NoMaskMessage example_no_mask() {
           .reason = NoMaskReason::kNotMapped};
 }
 
-/// Every decoder of this system with a valid message.
+/// Returns every decoder of this system with a valid message.
 inline std::vector<wire::Target> targets() {
   std::mt19937 random(11);
   const auto sensor = example_camera().make_sensor();

@@ -29,7 +29,7 @@ TEST(SemanticMessages, AKeyFrameArrivesWithPointsAndPicture) {
   EXPECT_EQ(came.delta.attach.size(), sent.delta.attach.size());
 }
 
-/// A single camera's map begins with two keyframes whose points say nothing of how they look.
+/// A monocular map starts with two keyframes, and its points carry no appearance.
 TEST(SemanticMessages, TheBeginningOfAMapOfOneCameraCrosses) {
   std::mt19937 random(6);
   const auto sensor = example_camera().make_sensor();
@@ -68,7 +68,7 @@ TEST(SemanticMessages, AMaskOfThreePeopleIsSmall) {
   constexpr std::uint32_t kWidth = 640, kHeight = 480;
   MaskMessage sent{.map_id = keyframe_id(2), .keyframe = keyframe_id(9), .masks = {}};
   sent.masks = {kWidth, kHeight, {}};
-  // Each half as high as the picture, with an outline that moves by a pixel or two per row.
+  // Each person is half as high as the picture, and the outline shifts by a pixel or two per row.
   for (std::uint32_t person = 0; person < 3; ++person) {
     Instance instance{.object_class = 0, .moves = true, .score = 0.9f, .runs = {}, .body = {}};
     std::uint32_t pixels = 0, outside = 120 * kWidth + 100 + 150 * person;

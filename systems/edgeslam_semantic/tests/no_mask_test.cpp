@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Answers that will not come: of a segmentation that fails, of uploads that cannot be read.
+// The mobile does not wait for answers after a failed segmentation or an unreadable upload.
 #include <gtest/gtest.h>
 
 #include "edgeslam_semantic/tests/semantic_pair.hpp"
@@ -71,7 +71,7 @@ TEST_F(NoMask, AnUploadThatCannotBeReadIsNotWaitedFor) {
             1);
 }
 
-/// The edge's map would begin with it; without it the edge declines all that follows.
+/// Without a map's first upload the edge declines all later ones.
 TEST_F(NoMask, WhereTheFirstUploadCannotBeReadTheMapBeginsAnew) {
   for (const bool adapt : {true, false}) {
     const Played run =

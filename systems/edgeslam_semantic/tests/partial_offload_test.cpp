@@ -77,7 +77,7 @@ TEST_F(PartialOffload, KeyFramesThatLeftTheWindowAreForgotten) {
   EXPECT_LT(applied.back()["kept_keyframes"].get<std::size_t>(), made.size() / 2);
 }
 
-/// What is remembered by id, features or not, is of the window and of what is under way.
+/// Both nodes remember only ids of the window and of uploads in flight.
 TEST_F(PartialOffload, NothingGrowsWithTheLengthOfARun) {
   constexpr int kLong = 5 * kFrames, kWindow = 3;
   sequence = folder.path() / "long";
@@ -88,7 +88,7 @@ TEST_F(PartialOffload, NothingGrowsWithTheLengthOfARun) {
   const Played run = play(narrow);
   const auto sent = run.of("keyframe_sent"), applied = run.of("slice_applied");
   ASSERT_GT(sent.size(), 50u);
-  std::size_t ids = 0;  // that there ever were
+  std::size_t ids = 0;  // all ids of the run
   for (const auto& keyframe : sent) ids += 1 + keyframe["new_points"].get<std::size_t>();
   const auto most = [&](const std::vector<nlohmann::json>& events, const char* field, bool late) {
     std::size_t found = 0;
@@ -180,8 +180,8 @@ TEST_F(PartialOffload, GoesOnWhileTheEdgeStandsStill) {
   EXPECT_GT(tracked(run), kFrames / 2);
 }
 
-/// Lost with a young map: both nodes begin another one, and what is still told of the old is
-/// declined.
+/// Tracking is lost with a young map: both nodes start a new one, and late slices of the old map
+/// are declined.
 TEST_F(PartialOffload, AMapThatIsGivenUpBeginsAgainOnBothNodes) {
   synth::SensorOptions covered;
   covered.blackout_start_s = 1.2;
@@ -218,7 +218,7 @@ TEST_F(PartialOffload, ANodeWithoutSegmentationSaysSo) {
   }
 }
 
-/// Told for judging afterwards; the run is the same.
+/// Recording is only for scoring after the run and must not change the run.
 TEST_F(PartialOffload, FeaturesAreToldWhereAskedAndChangeNothing) {
   write_masks(kHeight / 2);
   nlohmann::json chosen = partial(true, true);

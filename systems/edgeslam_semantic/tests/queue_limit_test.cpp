@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// What waits on the mobile while nothing arrives has a limit, and what is dropped is told.
+// The mobile's send queues are bounded during an outage, and dropped messages are logged.
 #include <gtest/gtest.h>
 
 #include "edgeslam_semantic/tests/semantic_run.hpp"
@@ -13,13 +13,13 @@ constexpr double kGapBegins_s = 1.0, kGapEnds_s = 3.0;
 class QueueLimit : public SemanticRun {
  protected:
   QueueLimit() {
-    // Held back, so that only a queue loses anything.
+    // The gap delays messages instead of dropping them, so only a full queue drops any.
     for (const char* way : {"up", "down"}) {
       scenario["link"][way]["gaps_s"] = {{kGapBegins_s, kGapEnds_s}};
       scenario["link"][way]["gap_drops"] = 0;
     }
   }
-  /// Messages up that were dropped, or that came.
+  /// Returns uplink messages that were dropped, or those that arrived.
   static std::vector<nlohmann::json> messages(const Played& run, bool dropped) {
     std::vector<nlohmann::json> found;
     for (const auto& message : run.of("message")) {
@@ -40,7 +40,7 @@ TEST_F(QueueLimit, TheOldestUploadsGoAndTheRunGoesOn) {
   nlohmann::json chosen = params();
   chosen["full_offload"] = false;
   chosen["adapt"] = true;
-  // A young map then sends every frame.
+  // Without this limit a young map uploads every frame.
   chosen["keyframes_under_way"] = 0;
   chosen["fixed_row"] = 5;
   chosen["upload_queue"] = 1000;
@@ -50,7 +50,7 @@ TEST_F(QueueLimit, TheOldestUploadsGoAndTheRunGoesOn) {
   const auto dropped = messages(run, true), came = messages(run, false);
   ASSERT_GT(dropped.size(), 3u);
   EXPECT_EQ(dropped.size() + came.size(), run.of("keyframe_sent").size());
-  // The oldest go: whatever waits is newer than what was dropped before.
+  // The oldest is dropped first, so sequence numbers of dropped messages rise.
   std::uint64_t before = 0;
   for (const auto& message : dropped) {
     EXPECT_GT(message["sequence"].get<std::uint64_t>(), before);
@@ -60,7 +60,7 @@ TEST_F(QueueLimit, TheOldestUploadsGoAndTheRunGoesOn) {
   EXPECT_EQ(came.back()["sequence"].get<std::uint64_t>(), run.of("keyframe_sent").size());
   EXPECT_EQ(run.of("frame_answered").size(), std::size_t{kFrames}) << "tracking never waits";
   EXPECT_TRUE(run.of("track_lost").empty());
-  // The edge lacks some keyframes, and maps on.
+  // The edge keeps mapping although it lacks some keyframes.
   EXPECT_TRUE(run.of("keyframe_declined").empty());
   EXPECT_GT(after_gap(run.of("slice_applied")), 2u);
 }

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Which frames go up, and by which row of Table I: pure functions.
+// Keyframe selection, rows of Table I, and the link's delay estimate.
 #include <gtest/gtest.h>
 
 #include "edgeslam_semantic/configuration.hpp"
@@ -45,7 +45,7 @@ TEST(TableI, RowsFollowTheDelayWithClosedUpperEnds) {
   EXPECT_EQ(row_for(std::nullopt), 5) << "nothing is known of the link";
 }
 
-/// A frame that just becomes a keyframe with the paper's defaults (row 3).
+/// A frame that only just meets all conditions of the paper's defaults (row 3).
 FrameFacts due() {
   return {.frames_since_keyframe = 21,
           .keyframes = 20,
@@ -74,7 +74,7 @@ TEST(SelectKeyFrame, NeedsAllFourConditions) {
   EXPECT_EQ(select_keyframe(row, alike), Selection::kNo) << "4: at most beta matched";
 }
 
-/// Figure 10: with 90 % and more matched no keyframe, with fewer than 80 % one.
+/// Figure 10: a frame is no keyframe if 90 % or more match, and is one if fewer than 80 % do.
 TEST(SelectKeyFrame, JudgesThePapersExamples) {
   for (const int row : {3, 4}) {
     FrameFacts frame = due();
@@ -92,7 +92,7 @@ TEST(SelectKeyFrame, ForcesOneWhereResultsAreLost) {
   const Configuration& row = table_row(1);
   FrameFacts frame = due();
   frame.frames_since_optimization = frame.frames_since_keyframe = 2 * row.f_max;
-  frame.matched = frame.keyframe_features;  // nothing else speaks for it
+  frame.matched = frame.keyframe_features;  // no other condition selects it
   EXPECT_EQ(select_keyframe(row, frame), Selection::kForced);
   --frame.frames_since_optimization;
   EXPECT_EQ(select_keyframe(row, frame), Selection::kNo);
@@ -119,7 +119,7 @@ TEST(LinkDelay, AddsHalfTheRoundTripAndTheTimeOfAnUpload) {
   for (LinkDelay* one : {&link, &whole}) {
     one->probed(milliseconds(16));
     send(*one, 1, 100'000, milliseconds(100));
-    one->acknowledged(1, milliseconds(132));  // 16 ms of bytes behind a round trip
+    one->acknowledged(1, milliseconds(132));  // a round trip and 16 ms of transmission
   }
   EXPECT_NEAR(to_seconds(*link.delay()), 0.008 + 0.016, 1e-6);
   EXPECT_NEAR(to_seconds(*whole.delay()), 0.016 + 0.016, 1e-6);
@@ -131,8 +131,8 @@ TEST(LinkDelay, CountsUploadsBehindOneAnotherByTheTimeBetweenTheirAnswers) {
   link.probed(milliseconds(10));
   send(link, 1, 50'000, milliseconds(0));
   send(link, 2, 50'000, milliseconds(1));
-  link.acknowledged(1, milliseconds(30));  // 20 ms of bytes
-  link.acknowledged(2, milliseconds(50));  // and again
+  link.acknowledged(1, milliseconds(30));  // a round trip and 20 ms of transmission
+  link.acknowledged(2, milliseconds(50));  // 20 ms of transmission
   EXPECT_NEAR(*link.bytes_per_s(), 50'000 / 0.020, 1);
   link.acknowledged(2, milliseconds(500));
   link.acknowledged(99, milliseconds(500));

@@ -12,7 +12,7 @@
 
 namespace slambed {
 
-/// A segmentation that does as the test says. Nothing: it fails.
+/// Returns the test's masks. Where the test gives none, the segmentation fails.
 class GivenMasks final : public MaskSource {
  public:
   using MaskOf = std::function<std::optional<FrameMasks>(std::uint64_t frame)>;
@@ -25,21 +25,21 @@ class GivenMasks final : public MaskSource {
   MaskOf mask_of_;
 };
 
-/// When one edge process ends and another one takes its place. What is on its way meanwhile is
-/// lost; what the mobile sends waits for the new one.
+/// When one edge process dies and another replaces it. Messages in flight to the mobile are lost;
+/// messages from the mobile wait for the new process.
 struct EdgeLife {
   RunTime dies = kNever, comes_back = kNever;
-  int torn_upload = 0;  ///< which message of the channel `frame` comes torn, from 1; 0: none
+  int torn_upload = 0;  ///< which message of channel `frame` is truncated, from 1; 0: none
 
   bool away(RunTime now) const { return now >= dies && now < comes_back; }
   std::uint64_t session(RunTime now) const { return now >= comes_back ? 2 : 1; }
 };
 
-/// What a node has of the link while edges come and go. Either end of it is a process of one
-/// session; the mobile is there all the time (0).
+/// A node's view of the link while edges die and restart. `session` is 0 for the mobile, which runs
+/// all the time, and 1 or 2 for an edge process.
 class MortalNetwork final : public Network {
  public:
-  /// Channels of the link, which both edge processes share.
+  /// The link's channels by name; both edge processes share them.
   using Opened = std::map<std::string, Channel*>;
 
   MortalNetwork(Network& below, Opened& opened, Runtime& runtime, EdgeLife life,
@@ -92,7 +92,7 @@ class MortalNetwork final : public Network {
   std::optional<Message> take(Channel& below) const {
     if (!alive()) return std::nullopt;
     auto message = below.try_receive();
-    // Answers of the dead one that were still on the link.
+    // Drop answers of the dead edge that were still on the link.
     while (own_ == 0 && message && life_.away(message->received)) message = below.try_receive();
     if (message && own_ == 0) message->session = life_.session(message->received);
     return message;
@@ -107,11 +107,11 @@ class MortalNetwork final : public Network {
   std::vector<std::unique_ptr<MortalChannel>> channels_;
 };
 
-/// Both nodes on SemanticRun's pictures, with what no file can say: a segmentation that fails, an
-/// edge that is killed and started again.
+/// Runs both nodes on SemanticRun's pictures with faults that a scenario file cannot express: a
+/// failing segmentation, and an edge that is killed and restarted.
 class SemanticPair : public SemanticRun {
  protected:
-  /// Keyframes of the mobile's map when another edge took over.
+  /// Number of keyframes in the mobile's map when the new edge started.
   std::uint64_t kept_keyframes = 0;
 
   Played play_pair(const nlohmann::json& chosen, GivenMasks::MaskOf mask_of, EdgeLife life = {}) {

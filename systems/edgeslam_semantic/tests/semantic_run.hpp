@@ -21,7 +21,7 @@ struct Played {
   std::string text, trajectory;
   std::vector<nlohmann::json> events;  ///< of both nodes
 
-  /// What one node wrote.
+  /// Adds the log of one node.
   void add(const std::string& log) {
     text += log;
     std::istringstream lines(log);
@@ -41,7 +41,7 @@ struct Played {
   }
 };
 
-/// Plays variants of the system in virtual time, on four seconds of a generated room.
+/// Plays variants of the system in virtual time on four seconds of a generated sequence.
 class SemanticRun : public ::testing::Test {
  protected:
   static void SetUpTestSuite() {
@@ -91,7 +91,7 @@ class SemanticRun : public ::testing::Test {
             {"record_culling", false}};
   }
 
-  /// Masks of every frame: something that moves covers all rows below `from_row`.
+  /// Writes masks for every frame: one moving instance covers all rows from `from_row` down.
   void write_masks(int from_row, int frames = kFrames) {
     const auto outside = static_cast<std::uint32_t>(kWidth * from_row);
     const Instance below{.object_class = 0,

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Map slices: what the edge tells of its map is what the mobile then has.
+// After every slice the mobile's window equals the edge's.
 #include <gtest/gtest.h>
 
 #include <random>
@@ -18,7 +18,7 @@ using wire::point_id;
 
 constexpr int kFeatures = 40;
 
-/// A map of an edge that keyframes come to, and in which everything may happen.
+/// An edge's map that gets keyframes and random changes of every kind.
 class RandomEdge {
  public:
   RandomEdge() : sensor_(wire::example_camera().make_sensor()) {}
@@ -115,7 +115,7 @@ void expect_equal(const MapWindow& found, const MapWindow& wanted, int step) {
   ASSERT_EQ(found.keyframes.size(), wanted.keyframes.size()) << step;
   for (const auto& [id, observed] : wanted.keyframes) {
     ASSERT_EQ(found.keyframes.at(id).points, observed.points) << step;
-    // As a quaternion on its way.
+    // Not exact, because rotations are sent as quaternions.
     ASSERT_LT((found.keyframes.at(id).T_cw.R - observed.T_cw.R).norm(), 1e-12) << step;
     ASSERT_LT((found.keyframes.at(id).T_cw.t - observed.T_cw.t).norm(), 1e-12) << step;
   }

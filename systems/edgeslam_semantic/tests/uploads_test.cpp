@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// What is known of an upload when its answer comes, however early that is.
+// An upload's acknowledgment counts even if it arrives before send() returns.
 #include "edgeslam_semantic/uploads.hpp"
 
 #include "edgeslam_semantic/tests/semantic_run.hpp"
@@ -11,7 +11,7 @@ namespace {
 constexpr Duration kRoundTrip = std::chrono::milliseconds(10);
 constexpr Duration kUploadTook = std::chrono::milliseconds(30);
 
-/// An edge in the place of a channel: it answers before send() has returned.
+/// A channel that stands in for the edge and answers before send() returns.
 class AnsweringChannel final : public Channel {
  public:
   AnsweringChannel(Runtime& runtime, std::string name, Duration after)
@@ -45,7 +45,7 @@ class AnsweringChannel final : public Channel {
   Signal& signal() override { return *signal_; }
   PathStats path() const override { return {}; }
 
-  /// Answers go there within send().
+  /// Makes send() pass answers to `take` instead of queueing them.
   void answer_to(std::function<void(const Message&)> take) { take_ = std::move(take); }
   std::size_t largest() const { return largest_; }
 
@@ -65,7 +65,7 @@ struct Noted {
   std::size_t bytes = 0;
 };
 
-/// Uploads every frame, mapped or not.
+/// Uploads every frame, whether tracked or not.
 class UploadingPolicy final : public MobilePolicy {
  public:
   UploadingPolicy(MobileNode& node, Noted& noted)
@@ -123,7 +123,7 @@ TEST_F(UploadsTest, AnAnswerThatComesWithinSendIsAnAnswer) {
   run_virtually(folder.path() / "sim.json", {&system, 1});
   ASSERT_GT(noted.bytes, 0u);
   ASSERT_TRUE(noted.delay) << "no upload was ever answered";
-  // What an upload takes beside a round trip, and half of that one.
+  // N is the upload's time without the round trip, plus half of the round trip.
   EXPECT_NEAR(to_seconds(*noted.delay), to_seconds(kUploadTook - kRoundTrip / 2), 0.005);
 }
 

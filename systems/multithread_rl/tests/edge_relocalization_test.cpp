@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// A camera that is lost, and an edge that may find it, in virtual time on a synthetic scene.
+// A lost camera that the edge may relocalize, in virtual time on a synthetic scene.
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -22,7 +22,7 @@ using testing::same_place;
 using testing::SyntheticScene;
 using testing::turn;
 
-constexpr int kPerUpdate = 6;  ///< keyframes, where a test says so
+constexpr int kPerUpdate = 6;  ///< keyframes per update, in tests that set it
 
 double time_of(const nlohmann::json& event) { return event["t_ns"].get<double>(); }
 
@@ -48,7 +48,7 @@ TEST_P(FoundOnTheEdge, FindsALostCameraByItsPose) {
   EXPECT_EQ(count_of(result, "SUSPEND"), 1);
   EXPECT_EQ(count_of(result, "RESUME"), 1);
 
-  // The loss ends with a tracked frame, which is later than the one that was found.
+  // The loss ends with a tracked frame, which is later than the one that the edge located.
   nlohmann::json used;
   for (const auto& reply : result.of("reloc_reply")) {
     if (reply["used"] == true) used = reply;
@@ -70,7 +70,7 @@ TEST_P(FoundOnTheEdge, FindsALostCameraByItsPose) {
   EXPECT_GT(relocalized[0]["frame"].get<int>(), used["frame"].get<int>());
   EXPECT_GT(time_of(relocalized[0]), time_of(used));
 
-  // Poses go on where the camera is: it looks at what it saw at second one.
+  // Poses continue at the camera's true place: it sees what it saw at second one.
   for (const auto& [keyframe, T_cw] : result.keyframe_poses) {
     for (const NewKeyFrame& made : result.edge_map.keyframes) {
       const auto frame = static_cast<int>(made.frame_index);
@@ -100,12 +100,12 @@ TEST_P(FoundOnTheEdge, HoldsUpdatesFromLossToRecovery) {
     const double when = time_of(applied);
     EXPECT_FALSE(when > time_of(suspended[0]) && when < time_of(resumed[0])) << applied;
   }
-  // No update takes away the place where the camera was found.
+  // No update removes the place where the camera was relocalized.
   EXPECT_EQ(result.of("track_lost").size(), 1u);
 }
 
 TEST_P(FoundOnTheEdge, StartsNoTransferOfMapsOrKeyframesMeanwhile) {
-  // As text over this link a keyframe takes longer than making the next: some always wait.
+  // A text keyframe takes longer over this link than making the next one, so some always wait.
   const PairResult result = lost_turn(lost_turn_params(GetParam(), "compatibility"),
                                       {.one_way_ms = {20}, .mbit_per_s = 4});
   const auto suspended = result.of("suspended"), resumed = result.of("resumed");
@@ -114,7 +114,7 @@ TEST_P(FoundOnTheEdge, StartsNoTransferOfMapsOrKeyframesMeanwhile) {
   double suspended_there = 0;
   for (const auto& message : result.of("message"))
     if (message["message"] == "SUSPEND") suspended_there = message["received_ns"];
-  // A transfer starts with the announcement of its length; what was announced is under way.
+  // A transfer starts with the announcement of its length; an announced message is in transfer.
   int waited = 0;
   for (const auto& message : result.of("message")) {
     const bool up = message["channel"] == "keyframe" && message["direction"] == "up";
@@ -127,7 +127,7 @@ TEST_P(FoundOnTheEdge, StartsNoTransferOfMapsOrKeyframesMeanwhile) {
   EXPECT_GT(waited, 0);
 }
 
-/// A slow edge, so that updates come that do not cover what was made before they began.
+/// A slow edge, so that updates arrive that do not cover keyframes made before they began.
 PairResult recovery_on_a_slow_edge(const char* map_update, bool keep) {
   auto params = lost_turn_params(map_update);
   params.update({{"n_kf", kPerUpdate}, {"sync_period_s", 0.3}, {"keep_recovery_keyframe", keep}});
@@ -137,8 +137,8 @@ PairResult recovery_on_a_slow_edge(const char* map_update, bool keep) {
   return lost_turn(params, link, same_place, 150);
 }
 
-/// Keyframes of the mobile that updates left behind, of those applied while the edge had mapped
-/// fewer of the keyframes made after the recovery than an update carries.
+/// Counts keyframes that the mobile lost in updates applied before the edge had mapped n_KF
+/// keyframes made after the recovery.
 int left_behind(const PairResult& result) {
   const double resumed = time_of(result.of("resumed").at(0));
   std::set<std::uint64_t> accepted;
@@ -158,7 +158,7 @@ int left_behind(const PairResult& result) {
   return behind;
 }
 
-/// How long after the recovery the first update left, in seconds.
+/// Seconds from the recovery until the first update was sent.
 double first_update_after_s(const PairResult& result) {
   const double resumed = time_of(result.of("resumed").at(0));
   double first = std::numeric_limits<double>::infinity();
@@ -175,7 +175,7 @@ TEST_P(FoundOnTheEdge, UpdatesRestAfterARecoveryWhileTheyShowAnotherPlace) {
 }
 
 TEST_P(FoundOnTheEdge, AnUpdateThatLeftBeforeTheRecoveryIsDeclined) {
-  // It comes during the loss.
+  // The update arrives during the loss.
   auto params = lost_turn_params(GetParam());
   params["sync_period_s"] = 0.3;
   const PairResult result = lost_turn(params, {.one_way_ms = {150}}, same_place);
@@ -194,8 +194,8 @@ TEST_P(FoundOnTheEdge, UpdatesLeaveNothingBehindThatWasMadeSinceTheRecovery) {
 
 INSTANTIATE_TEST_SUITE_P(Updates, FoundOnTheEdge, ::testing::Values("serial", "staged"));
 
-/// A lap and a bit through a lens that hides some of the turning, darkness, and what was seen in
-/// the middle of the lap. The only update comes before the edge can know that it was a lap.
+/// A little more than a lap through a wrong lens, darkness, then the view from the middle of the
+/// lap. The only update arrives before the edge can close the loop.
 PairResult lap(bool loop_closing) {
   constexpr int kDarkAfterLap = 174, kBack = 80;
   const auto look = [](SyntheticScene& scene, int frame) {
@@ -208,7 +208,7 @@ PairResult lap(bool loop_closing) {
   return testing::run_pair(multithread_rl_system(), all, 195, 10, {.one_way_ms = {5}}, look);
 }
 
-/// Of the keyframes that the mobile's map has at the end, those made before the loss.
+/// Counts the keyframes from before the loss in the mobile's final map.
 std::ptrdiff_t kept_from_before(const PairResult& result) {
   constexpr std::uint64_t kDarkAfterLap = 174;
   const auto& keyframes = result.mobile_map.keyframes;

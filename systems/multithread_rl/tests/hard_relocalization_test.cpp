@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// What an edge must not do to a lost camera: answers that make no sense, and losses without end.
+// Invalid answers to a lost camera, and hundreds of losses.
 #include <gtest/gtest.h>
 #include <malloc.h>
 
@@ -73,8 +73,8 @@ void PrintTo(const BadAnswer& bad, std::ostream* out) { *out << bad.name; }
 
 class BadAnswers : public ::testing::TestWithParam<BadAnswer> {};
 
-/// Only the edge could find this camera, and all that it finds is spoilt on the way: each such
-/// answer is told in one line, and neither a pose nor a point of it reaches the map.
+/// Only the edge could relocalize this camera, and all its answers are corrupted in transit. Each
+/// is logged in one line, and none of its poses or points reaches the map.
 TEST_P(BadAnswers, AreToldInOneLineEachAndChangeNothing) {
   int spoilt = 0;
   PairLink link;
@@ -114,14 +114,14 @@ INSTANTIATE_TEST_SUITE_P(
                       BadAnswer{"Noise", be_noise, "refused"}),
     [](const auto& bad) { return bad.param.name; });
 
-/// Bytes that the process has asked for and not given back.
+/// Bytes that the process has allocated and not freed.
 std::size_t memory_in_use() {
   const auto info = mallinfo2();
   return info.uordblks + info.hblkhd;
 }
 
-/// A camera that looks round, and then goes to and fro between two parts of its turn, with darkness
-/// between them. Or it stays in one of them.
+/// A camera that turns once and then alternates between two parts of the turn, with darkness in
+/// between. Or it stays in one of them.
 constexpr int kLosses = 200, kSeen = 12, kCovered = 3, kCycle = kSeen + kCovered;
 
 std::shared_ptr<const FeatureSet> to_and_fro(SyntheticScene& scene, int frame, bool covered) {
@@ -134,7 +134,7 @@ std::shared_ptr<const FeatureSet> to_and_fro(SyntheticScene& scene, int frame, b
 
 struct LongRun {
   PairResult result;
-  std::vector<std::size_t> in_use;  ///< at the begin of each cycle
+  std::vector<std::size_t> in_use;  ///< at the start of each cycle
   double growth(int from, int to) const {
     return static_cast<double>(in_use[to]) - static_cast<double>(in_use[from]);
   }
@@ -162,8 +162,7 @@ TEST(EdgeRelocalizationForLong, TwoHundredLossesLeaveNothingBehind) {
   EXPECT_EQ(result.end_reason, "bye");
   EXPECT_GE(result.of("reloc_request").size(), static_cast<std::size_t>(kLosses));
   EXPECT_LE(result.mobile_counts.keyframes, 30u);
-  // What a run writes down of its frames grows with them. A loss that left its request behind would
-  // leave 1,000 features.
+  // The logs grow with the frames. A loss that leaked its request would leak 1,000 features.
   constexpr int kFrom = 50, kTo = kLosses - 1;
   constexpr double kOfALoss_bytes = 10e3;
   EXPECT_LT(losing.growth(kFrom, kTo), staying.growth(kFrom, kTo) + (kTo - kFrom) * kOfALoss_bytes);

@@ -8,7 +8,7 @@ namespace slambed::testing {
 
 constexpr int kDark = 80, kDarkFor = 6, kLostTurnFrames = 120;
 
-/// A local map of one keyframe, so that only the global one reaches back.
+/// A local map of one keyframe, so that only the global map reaches back.
 inline nlohmann::json lost_turn_params(const std::string& map_update,
                                        const std::string& codec = "binary") {
   auto all = conventional();
@@ -26,17 +26,17 @@ inline nlohmann::json lost_turn_params(const std::string& map_update,
   return all;
 }
 
-/// Which frame of the turn shows what the camera sees after the darkness: second one, and then on
-/// at half the pace, so that it does not come near the place where it was lost.
+/// Frame of the turn that the camera sees after the darkness: from second one on at half speed, so
+/// that it stays away from the place where it was lost.
 inline double far_back_at(int frame) { return 10 + 0.5 * (frame - kDark - kDarkFor); }
 
-/// Darkness, then what nobody but the edge knows.
+/// Darkness, then a place that only the edge's map has.
 inline std::shared_ptr<const FeatureSet> far_back(SyntheticScene& scene, int frame) {
   if (frame < kDark) return turn(scene, frame);
   return frame < kDark + kDarkFor ? scene.nothing() : scene.look(pose_at(far_back_at(frame)));
 }
 
-/// Darkness, then what was seen last.
+/// Darkness, then the last place again.
 inline std::shared_ptr<const FeatureSet> same_place(SyntheticScene& scene, int frame) {
   if (frame >= kDark && frame < kDark + kDarkFor) return scene.nothing();
   return turn(scene, frame < kDark ? frame : frame - kDarkFor);

@@ -17,7 +17,7 @@ using testing::StagingScenario;
 using wire::keyframe_id;
 using Backup = MapStaging::Backup;
 
-/// What is carried over when two keyframes are made before the update begins and two after.
+/// Returns the keyframes carried over when two are made before the update begins and two after.
 std::vector<KeyFrameId> carried_with(Backup backup) {
   StagingScenario scene(1, backup);
   for (int i = 0; i < 8; ++i) scene.make_keyframe(false);
@@ -60,7 +60,7 @@ TEST(MapStaging, TheRecoverysPlaceStaysUntilAnUpdateIsAllFromBehindIt) {
     scene.staging.recovered(keyframe_id(3));
     scene.make_keyframe(true);
     scene.make_keyframe(false);
-    // It does not cover what was made since, and that was made before it began.
+    // The update does not cover the keyframes made since it and before it began.
     const auto first = swapped_in(scene, 8);
     if (recovery_keyframes == 0) {
       EXPECT_EQ(first, (std::vector{keyframe_id(7), keyframe_id(8)}));
@@ -69,11 +69,11 @@ TEST(MapStaging, TheRecoverysPlaceStaysUntilAnUpdateIsAllFromBehindIt) {
     EXPECT_EQ(first, (std::vector{keyframe_id(3), keyframe_id(7), keyframe_id(8), keyframe_id(9),
                                   keyframe_id(10)}));
     EXPECT_EQ(scene.staging.provisional(), std::vector{keyframe_id(9)});
-    // It holds one of two.
+    // The update has one of the two.
     EXPECT_EQ(swapped_in(scene, 9),
               (std::vector{keyframe_id(3), keyframe_id(8), keyframe_id(9), keyframe_id(10)}));
     scene.make_keyframe(false);
-    // It holds both, and the next is the paper's again.
+    // The update has both; from the next one on, the backup is the paper's again.
     EXPECT_EQ(swapped_in(scene, 10), (std::vector{keyframe_id(9), keyframe_id(10)}));
   }
 }

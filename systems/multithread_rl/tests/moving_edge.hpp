@@ -18,15 +18,15 @@
 
 namespace slambed::testing {
 
-/// An edge that keeps all keyframes of a mobile in a world of its own: it moves as a whole, points
-/// are fused and culled there. Makes updates and says where lost frames were taken.
+/// An edge that keeps all keyframes of a mobile in its own world, which moves as a whole and in
+/// which points are fused and culled. Makes updates and locates lost frames.
 class MovingEdge {
  public:
   struct Update {
     std::uint64_t number = 0;
     MapDelta map;
     KeyFrameId newest;
-    SE3 T_world;  ///< maps the world in which all began to the update's
+    SE3 T_world;  ///< maps the initial world to the update's
   };
   struct Found {
     std::shared_ptr<const FeatureSet> features;
@@ -36,7 +36,7 @@ class MovingEdge {
     double degrees;                  ///< where the camera is
   };
 
-  /// A keyframe of the mobile's; things: what its features are; degrees: where it was made.
+  /// Receives a keyframe of the mobile. things: what its features show; degrees: where it was made.
   void receive(const MapDelta& made, const std::vector<int>& things, double degrees) {
     MapDelta here = made;
     const SE3 T_edge_mobile = T_world_ * T_mobile_.inverse();
@@ -63,13 +63,13 @@ class MovingEdge {
     map_.commit(here);
   }
 
-  /// RESUME: until an update holds as many keyframes made after it as it may, it has this one, too.
+  /// RESUME: updates also carry this keyframe until one is full of keyframes made after it.
   void recovered(KeyFrameId reference) {
     recovered_at_ = reference;
     since_recovery_ = kNone;
   }
 
-  /// The whole world moves.
+  /// Moves the whole world.
   void correct(std::mt19937& random) {
     const SE3 T_new_old = small_motion(random, 0.5);
     MapDelta delta = map_.read([&](const MapView& view) {
@@ -89,7 +89,7 @@ class MovingEdge {
     T_world_ = (T_new_old * T_world_).normalized();
   }
 
-  /// The latest keyframes but for up to two, after some of their points were fused or culled.
+  /// Makes an update without the newest 0 to 2 keyframes; some of its points are fused or culled.
   Update update(std::mt19937& random, std::size_t count) {
     std::vector<KeyFrameId> ids =
         map_.read([](const MapView& view) { return view.keyframe_ids(); });
@@ -108,7 +108,7 @@ class MovingEdge {
             .T_world = T_world_};
   }
 
-  /// A frame taken near one of its keyframes, and what of it that keyframe knows.
+  /// Makes a frame near one of its keyframes, with the points that this keyframe knows.
   Found find(std::mt19937& random, SyntheticScene& scene, const std::function<SE3(double)>& pose_at,
              int features) {
     auto known = made_.begin();
@@ -135,7 +135,7 @@ class MovingEdge {
   }
 
   std::uint64_t next_number() { return ++number_; }
-  /// Since what the mobile's map is of.
+  /// Returns whether the world has moved since the state that the mobile's map has.
   bool has_moved() const { return (T_world_.inverse() * T_mobile_).log().norm() > 1e-6; }
   void mobile_has_its_world() { T_mobile_ = T_world_; }
   void mobile_has(const Update& update) { T_mobile_ = update.T_world; }
@@ -173,7 +173,7 @@ class MovingEdge {
   std::map<KeyFrameId, Made> made_;
   KeyFrameId recovered_at_, since_recovery_ = kNone;
   std::uint64_t number_ = 0;
-  SE3 T_world_, T_mobile_;  ///< of the world in which all began
+  SE3 T_world_, T_mobile_;  ///< map the initial world to the edge's and to the mobile's
 };
 
 }  // namespace slambed::testing

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Multithread-RL's nodes as processes: the edge fails while the mobile is lost and has told it to
-// rest, and peers of another version of the messages.
+// Multithread-RL's nodes as processes: the edge fails while suspended by a lost mobile, and peers
+// use another wire version.
 #include <array>
 #include <string>
 
@@ -17,12 +17,12 @@ using testing::Process;
 using namespace std::chrono_literals;
 
 constexpr int kFrames = 128;  // 8.5 s
-/// The lens is covered for longer than the mobile's log takes to tell of it and a fault to pass.
+/// The lens stays covered long enough for the log to show it and for a fault to end.
 constexpr double kDarkFrom_s = 2, kDarkTo_s = 5;
 constexpr auto kFault = 1500ms;  ///< longer than the silence after which a peer counts as away
 const std::vector<std::string> kChannels = {"control", "keyframe", "map", "frame"};
 
-/// The camera goes to and fro, and sees after the dark what it saw before.
+/// The camera moves back and forth, and after the darkness sees what it saw before.
 synth::GeneratorOptions covered_for_a_while() {
   synth::GeneratorOptions options;
   options.trajectory = "xyz";
@@ -44,7 +44,7 @@ class MultithreadRlProgram : public testing::FarEdgeTest {
                              {"prior_map", ""}});
   }
 
-  /// Until both work with each other, the lens is covered and the mobile has sent SUSPEND.
+  /// Waits until both nodes are connected, the lens is covered and the mobile has sent SUSPEND.
   void await_suspension() {
     ASSERT_TRUE(await("mobile/ready.json") && await("edge/ready.json"))
         << log("mobile") << log("edge");
@@ -53,7 +53,7 @@ class MultithreadRlProgram : public testing::FarEdgeTest {
     for (int i = 0; i < 600 && suspensions().empty(); ++i) std::this_thread::sleep_for(50ms);
     ASSERT_FALSE(suspensions().empty());
   }
-  /// Those that begin in the dark; on a machine that is too slow there may be others before.
+  /// Returns the suspensions that begin in the dark; a slow machine may have earlier ones.
   std::vector<nlohmann::json> suspensions() {
     auto found = events("mobile", "suspended");
     std::erase_if(found, [](const auto& event) {
@@ -61,8 +61,8 @@ class MultithreadRlProgram : public testing::FarEdgeTest {
     });
     return found;
   }
-  /// The mobile played to the end, was lost when the fault came and found afterwards, and took over
-  /// no update in between.
+  /// Expects that the mobile played to the end, was lost at the fault and relocalized afterwards,
+  /// and applied no update in between.
   void expect_it_went_on(Process& mobile, std::int64_t fault_ns) {
     EXPECT_EQ(mobile.wait(), 0) << log("mobile");
     EXPECT_EQ(end("mobile")["exit_reason"], "completed");
@@ -89,12 +89,12 @@ class MultithreadRlProgram : public testing::FarEdgeTest {
     EXPECT_EQ(end("edge")["exit_reason"], "bye");
   }
 
-  int frames_ = kFrames;  ///< that are played
+  int frames_ = kFrames;  ///< number of frames played
   std::int64_t resumed_ns_ = 0;
 };
 
 TEST_F(MultithreadRlProgram, AnEdgeKilledWhileSuspendedIsNotWaitedFor) {
-  frames_ = play_for(7);  // nothing more is to come
+  frames_ = play_for(7);  // no later frames are needed
   Process mobile = node("mobile");
   std::int64_t killed = 0;
   {
@@ -103,7 +103,7 @@ TEST_F(MultithreadRlProgram, AnEdgeKilledWhileSuspendedIsNotWaitedFor) {
     killed = now_ns();
   }  // SIGKILL
   ASSERT_NO_FATAL_FAILURE(expect_it_went_on(mobile, killed));
-  // Nobody is asked where nobody is.
+  // The mobile sends no requests while the edge is away.
   const auto requests = events_after(killed, "mobile", "reloc_request");
   const auto given_up = events_after(killed, "mobile", "reloc_given_up");
   EXPECT_LE(requests.size(), given_up.size() + 1);
@@ -154,7 +154,7 @@ TEST_F(MultithreadRlProgram, AnEdgeRestartedWhileSuspendedSendsUpdatesThoughNobo
   EXPECT_EQ(events("edge", "node_restarted").size(), 1u);
 }
 
-/// A greeting as another version of the programs sends it.
+/// Makes a greeting as another version of the programs would send it.
 std::pair<FrameHeader, wire::Bytes> greeting(const std::string& channel, NodeRole role, int step) {
   wire::Hello hello{.wire_version = static_cast<std::uint16_t>(wire::kWireVersion + step),
                     .role = role,
@@ -212,7 +212,7 @@ TEST_F(MultithreadRlProgram, AMobileOfAnotherWireVersionIsTurnedAwayInOneLineOnE
   }
 }
 
-/// On every channel somebody greets as an edge does; only of the mobile's own version is it one.
+/// A peer greets as an edge on every channel; the mobile accepts it only with its own wire version.
 TEST_F(MultithreadRlProgram, AnEdgeOfAnotherWireVersionIsNoEdge) {
   config["connect_timeout_s"] = 2.0;
   for (const int step : {-1, 1, 0}) {

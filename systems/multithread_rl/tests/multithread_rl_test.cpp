@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// The two nodes in virtual time on a synthetic scene: repeatable, and no timing of this machine
-// decides.
+// The two nodes in virtual time on a synthetic scene: repeatable, and independent of this machine's
+// timing.
 #include "multithread_rl/multithread_rl.hpp"
 
 #include <gtest/gtest.h>
@@ -41,7 +41,7 @@ PairResult run_staged(const nlohmann::json& params, const PairLink& link = {},
   return testing::run_pair(multithread_rl_system(), params, frames, 10, link, turn);
 }
 
-/// Edge-SLAM as its own folder puts it together.
+/// Edge-SLAM as systems/edgeslam assembles it.
 System edge_slam() {
   System system = offload_system("edgeslam", edgeslam::parameter_specs());
   system.mobile = [](MobileNode& node, const Parameters& parameters) {
@@ -84,7 +84,7 @@ int sum_of(const PairResult& result, const char* field) {
   return sum;
 }
 
-/// A mobile that needs a while for whatever an update needs.
+/// A mobile on which all stages of an update are slow.
 DeviceModel slow_to_update() {
   DeviceModel device = testing::uniform_device(2000);
   for (const char* stage : {"parse", "insert_keyframes"}) device.stages[stage].a_us = 500'000;
@@ -124,7 +124,7 @@ TEST(Multithread, AnUpdateEndsAlsoWhereKeyframesComeFasterThanTheyAreCarriedOver
   const auto begun = result.of("update_begun"), ready = result.of("update_ready"),
              applied = result.of("update_applied");
   ASSERT_GE(applied.size(), 2u);
-  // What was made while one round worked is left to the next, and to the swap when it is not fewer.
+  // Keyframes made during one round are left to the next, or to the swap if they are not fewer.
   int rounds = 0;
   for (const auto& stage : result.of("stage"))
     rounds += stage["name"] == "insert_keyframes" && stage["worker"] == "map-update";
@@ -149,8 +149,7 @@ TEST(Multithread, CarriesOverWhatWasMadeMeanwhile) {
   EXPECT_EQ(sum_of(all, "gap_keyframes"), 0);
 }
 
-/// From an update's begin to its swap every keyframe made must be in the map that tracking ends
-/// with.
+/// Every keyframe made between an update's begin and its swap must be in tracking's final map.
 TEST(Multithread, NoKeyframeMadeDuringAnUpdateIsMissing) {
   PairLink link;
   link.mobile_device = slow_to_update();
@@ -162,7 +161,7 @@ TEST(Multithread, NoKeyframeMadeDuringAnUpdateIsMissing) {
     if (type == "update_declined") begun = 0;
     if (type == "keyframe_created" && begun) ++made;
     if (type == "update_applied") {
-      // Some were made while it was read, before it is told to be received.
+      // Some were made while the update was parsed, before update_received is logged.
       EXPECT_GE(event.value("backed_up", 0), made);
       counted += made;
       begun = 0;

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The edge's stored map with updates that are put together beside tracking.
+// The edge's stored map with updates that are prepared in parallel to tracking.
 #include <gtest/gtest.h>
 
 #include "base/error.hpp"

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// A lost frame's request to the edge: what becomes of each kind of answer, and who ends the loss.
+// A lost frame's request to the edge: what happens to each kind of answer, and what ends the loss.
 #include <gtest/gtest.h>
 
 #include <optional>
@@ -11,10 +11,10 @@
 namespace slambed::testing {
 namespace {
 
-/// Of which answers the reason is told.
+/// Which answers are logged with a reason.
 enum class Reported { kOnce, kOfAFoundPose, kOfEveryAnswer };
 
-/// What becomes of an answer, and who ends the loss.
+/// One kind of answer, what happens to it, and what ends the loss.
 struct Case {
   const char* name;
   bool local;  ///< the mobile's own map shows the place
@@ -71,7 +71,7 @@ bool garbage(Message& message) {
   return true;
 }
 
-/// A found pose comes when the next one would: that is asked for once the first was given up.
+/// Holds each found pose back until the next; that is requested once the first was given up.
 PairLink late() {
   return with([held = std::make_shared<std::optional<Message>>()](Message& message) {
     if (!is_found(message)) return true;
@@ -81,8 +81,8 @@ PairLink late() {
   });
 }
 
-/// What the first frame after the darkness asks takes so long to the edge. Nothing is asked after
-/// a local success, so no later answer could release one that is held back here.
+/// The request of the first frame after the darkness takes this long to the edge. After a local
+/// success no more requests are sent, so no later answer could release one held by late().
 PairLink slow_after_the_dark(double ms) {
   constexpr int kStepsPerFrame = 5, kFirst = (kDark + kDarkFor) * kStepsPerFrame;
   PairLink link;
@@ -104,7 +104,7 @@ class Protocol : public ::testing::TestWithParam<std::tuple<Case, const char*>> 
 TEST_P(Protocol, EndsALossByTheFirstSuccess) {
   const auto& [c, map_update] = GetParam();
   auto params = lost_turn_params(map_update);
-  // Without updates the mobile's own map keeps the place also where the link is slow.
+  // Without updates the mobile's own map keeps the place even on a slow link.
   if (c.local) params["sync_period_s"] = 60.0;
   const PairResult result =
       lost_turn(params, c.link, c.local ? SceneSource::Look(same_place) : far_back);
@@ -130,7 +130,7 @@ TEST_P(Protocol, EndsALossByTheFirstSuccess) {
   if (c.reported == Reported::kOfEveryAnswer) {
     for (const auto& reply : result.of("reloc_reply")) EXPECT_EQ(reply["reason"], c.reason);
   }
-  // Never two requests under way.
+  // There are never two outstanding requests.
   double asked = 0;
   for (const auto& event : result.mobile) {
     const std::string type = event["type"];

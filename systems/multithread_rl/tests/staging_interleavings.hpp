@@ -14,8 +14,8 @@
 
 namespace slambed::testing {
 
-/// A tracker on the active map of a mobile, an edge whose world moves, updates in preparation,
-/// losses and the edge's answers, in any order.
+/// Runs a tracker on the active map, an edge whose world moves, updates in preparation, losses and
+/// the edge's answers, in random order.
 class Interleaving {
  public:
   Interleaving(unsigned seed, Seen& seen)
@@ -50,7 +50,7 @@ class Interleaving {
         default:
           work();
       }
-      // Tracking has its own map, and nobody else writes there.
+      // Tracking has its own map, to which nothing else writes.
       EXPECT_EQ(tracker_.map(), staging_.active());
       EXPECT_NE(tracker_.map(), staging_.staging());
     }
@@ -94,8 +94,7 @@ class Interleaving {
     revision_ = active().revision();
   }
 
-  /// What the edge says of a lost frame, as MobileRelocalizationByPose and MapDownlink take it
-  /// over.
+  /// Applies the edge's answer for a lost frame as MobileRelocalizationByPose and MapDownlink do.
   void be_found() {
     const auto found = edge_.find(random_, scene_, turned, kFeatures);
     const std::uint64_t number = edge_.next_number();
@@ -135,7 +134,7 @@ class Interleaving {
     seen_.during_an_update += step_ > 0;
   }
 
-  /// One step of the worker's, as StagedUpdates has them.
+  /// Runs one step of the worker as StagedUpdates does.
   void work() {
     switch (step_) {
       case 0:
@@ -184,7 +183,7 @@ class Interleaving {
   }
 
   void swap() {
-    // Half of the time the last frame is a keyframe, too: what the frame is to be carried over as.
+    // Half of the time the last frame is also a keyframe, which shows how to carry it over.
     if (chance(2)) make_keyframe(true);
     const auto before = staging_.active();
     std::map<KeyFrameId, SE3> old_poses;
@@ -202,7 +201,7 @@ class Interleaving {
       EXPECT_TRUE(same(pose_in(active(), keyframe.id), keyframe.T_cw));
     for (const KeyFrameId id : while_updating_) {
       ASSERT_TRUE(std::binary_search(there.begin(), there.end(), id)) << id.value;
-      // The edge moves everything alike, so that every keyframe must have moved so.
+      // The edge moves everything alike, so every keyframe must have made this movement.
       EXPECT_TRUE(same(pose_in(active(), id), old_poses.at(id) * moved.inverse())) << id.value;
       EXPECT_GE(points_of(active(), id), points_of(*before, id)) << id.value;
     }
@@ -220,14 +219,15 @@ class Interleaving {
     revision_ = active().revision();
   }
 
-  /// A keyframe that is made of the last frame once more has the pose and the points of the one
-  /// that was carried over.
+  /// Expects a second keyframe of the last frame to have the first one's carried-over pose and
+  /// points.
   void expect_the_last_frame_there() {
     const auto before = active().read([&](const MapView& view) {
       const KeyFrame* keyframe = view.keyframe(keyframe_of_frame_);
       return keyframe ? std::optional(std::pair(keyframe->points, keyframe->T_cw)) : std::nullopt;
     });
-    if (!before) {  // none was made of it, or before the update began, and its points are gone
+    if (!before) {  // no keyframe was made of it, or one before the update began whose points are
+                    // gone
       keyframe_of_frame_ = {};
       return;
     }
@@ -281,12 +281,12 @@ class Interleaving {
   std::uint64_t frame_ = 0, revision_ = 0, applied_ = 0;
   double degrees_ = 0;
   bool dark_ = false;
-  std::vector<int> things_;       ///< what the features of the last frame are
-  KeyFrameId keyframe_of_frame_;  ///< made of the last frame; none: none was
+  std::vector<int> things_;       ///< what the features of the last frame show
+  KeyFrameId keyframe_of_frame_;  ///< made of the last frame; none: no keyframe
   int step_ = 0;                  ///< of the worker
   MovingEdge::Update update_;
   std::vector<KeyFrameId> while_updating_;
-  KeyFrameId reference_;  ///< of the last recovery, until it is long ago
+  KeyFrameId reference_;  ///< of the last recovery, as long as it is kept
   std::vector<KeyFrameId> since_recovery_;
 };
 

@@ -27,7 +27,7 @@ inline SE3 pose_in(const Map& map, KeyFrameId id) {
   return map.read([&](const MapView& view) { return view.keyframe(id)->T_cw; });
 }
 
-/// Features of a keyframe that are points.
+/// Counts the features of a keyframe that have a map point.
 inline std::ptrdiff_t points_of(const Map& map, KeyFrameId id) {
   return map.read([&](const MapView& view) {
     const auto& points = view.keyframe(id)->points;
@@ -70,7 +70,7 @@ inline SE3 turned(double deg) {
   return SE3(Eigen::AngleAxisd(yaw, Eigen::Vector3d::UnitY()).toRotationMatrix(), center).inverse();
 }
 
-/// What came up in all orders of events together.
+/// Totals over all orders of events.
 struct Seen {
   int swaps = 0, kept_recoveries = 0, last_frames = 0;
   int answers = 0, of_a_moved_world = 0, during_an_update = 0, resumed = 0, declined = 0, local = 0;

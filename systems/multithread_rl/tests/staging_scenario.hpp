@@ -20,8 +20,8 @@ inline SE3 small_motion(std::mt19937& random, double size) {
   return SE3::exp(step);
 }
 
-/// A mobile that makes keyframes on its active map, and an edge that has mapped the first of them
-/// elsewhere: its world has moved, some points were fused, some culled.
+/// A mobile that makes keyframes on its active map, and an edge that has mapped the first of them.
+/// The edge's world has moved, and some points were fused or culled there.
 class StagingScenario {
  public:
   static constexpr int kFeatures = 24, kNewPoints = 8;
@@ -32,7 +32,7 @@ class StagingScenario {
         features_(wire::example_features(random_, kFeatures, wire::example_camera().make_sensor())),
         staging(std::make_shared<Map>(), backup, recovery_keyframes) {}
 
-  /// Half of what it sees is seen by the keyframe before, too.
+  /// Half of its points are seen by the previous keyframe, too.
   void make_keyframe(bool provisional) {
     MapDelta delta;
     NewKeyFrame keyframe;
@@ -52,11 +52,11 @@ class StagingScenario {
       delta.points.push_back(point);
     }
     before_.assign(keyframe.points.rbegin(), keyframe.points.rend());
-    // A feature sees a point once.
+    // A keyframe sees each point only once.
     std::set<MapPointId> seen;
     for (MapPointId& id : keyframe.points)
       if (id && !seen.insert(id).second) id = {};
-    // Points that went with an earlier map are not seen any more.
+    // Points that were lost with an earlier map are not seen any more.
     staging.active()->read([&](const MapView& view) {
       for (MapPointId& id : keyframe.points) {
         const bool fresh = std::any_of(delta.points.begin(), delta.points.end(),
@@ -71,7 +71,7 @@ class StagingScenario {
     T_cw = small_motion(random_, 0.1) * T_cw;
   }
 
-  /// The latest keyframes up to this one, as the edge has them.
+  /// Makes an update of the latest keyframes up to this one from the edge's map.
   MapDelta update(std::uint64_t newest, int count) {
     std::vector<KeyFrameId> wanted;
     for (std::uint64_t id = newest; id > 0 && std::ssize(wanted) < count; --id)

@@ -31,7 +31,7 @@ TEST(CameraFlaws, TheBelievedFocalLengthIsOffByTheError) {
 TEST(CameraFlaws, LensMovesAPointAsItsFormulaSays) {
   const Camera camera = camera_of(200, 100);
   std::vector<float> image(200 * 100, 0);
-  // Brightness is the column: what a pixel shows tells where it looks.
+  // Brightness equals the column, so a pixel's value is the position of its source.
   for (int i = 0; i < 200 * 100; ++i) image[i] = static_cast<float>(i % 200);
   Lens lens(camera, 0.03);
   lens.bend(image);
@@ -90,7 +90,7 @@ TEST_F(FlawedPicture, ATurnedRightCameraLeavesTheLeftOneAlone) {
 TEST_F(FlawedPicture, ARollingShutterShowsOnlyInMotion) {
   const CameraFlaws rolling{.readout_s = 0.02};
   EXPECT_GT(changed_by(rolling, false, 8), 0.2);
-  EXPECT_EQ(changed_by(rolling, false, 0.2), 0);  // before it sets off
+  EXPECT_EQ(changed_by(rolling, false, 0.2), 0);  // the car still stands
 }
 
 }  // namespace

@@ -71,7 +71,7 @@ TEST_F(PathFile, RecordedPathKeepsItsMotionAndIsRecentered) {
   for (int i = 0; i <= 300; ++i) {
     const double t = i * 0.01, half = 0.25 * t;
     char line[200];
-    // Turns about z at 0.5 rad/s on a straight line; every other quaternion has the other sign.
+    // Rotates about z at 0.5 rad/s along a straight line; every other quaternion is negated.
     const double sign = i % 2 == 0 ? 1 : -1;
     std::snprintf(line, sizeof line, "%.4f %.6f 3.0 9.0 0 0 %.9f %.9f\n", 50 + t, 10 + 0.4 * t,
                   sign * std::sin(half), sign * std::cos(half));

@@ -27,7 +27,7 @@ TEST(Drive, SecondLapIsThePublishedOne) {
   for (const Table2& wanted : kTable2) {
     const Drive drive(wanted.name, 1);
     const double begin = drive.second_lap_s();
-    EXPECT_EQ(begin, std::floor(begin));  // frames of any whole rate fall on it
+    EXPECT_EQ(begin, std::floor(begin));  // so that any integer frame rate has a frame there
     EXPECT_EQ(std::lround((drive.duration_s() - begin) * 15), wanted.frames);
     double length = 0, top = 0, standing = 0;
     for (int i = 0; i + 1 < wanted.frames; ++i) {
@@ -48,7 +48,7 @@ TEST(Drive, FirstLapClosesItsLoopBeforeTheSecond) {
     const Drive drive(name, 1);
     EXPECT_LE(drive.traveled_m(0), -30);
     EXPECT_NEAR(drive.traveled_m(drive.second_lap_s()), drive.route().length_m(), 0.01);
-    // The last 30 m of lap 1 are its first ones.
+    // The last 30 m of lap 1 are the same places as its first 30 m.
     const double s = drive.route().length_m() - 10;
     EXPECT_LT((drive.route().at(s) - drive.route().at(-10)).norm(), 1e-6);
   }
@@ -61,7 +61,7 @@ TEST(Drive, LapsRunBesideEachOtherAtDifferentSpeeds) {
   for (double t = 0; t < drive.second_lap_s(); t += 0.1) {
     const double s = drive.traveled_m(t);
     if (s < 0) continue;
-    double again = drive.second_lap_s();  // when lap 2 is there
+    double again = drive.second_lap_s();  // when lap 2 passes this place
     while (drive.traveled_m(again) < s + drive.route().length_m()) again += 0.05;
     const Vec3 apart = drive.at(again).t - drive.at(t).t;
     const SinCos ahead = sincos_turns(drive.route().heading_turns(s));
@@ -84,7 +84,7 @@ TEST(Drive, MovesAsACarDoes) {
       ASSERT_LT(std::abs(speed - last) / 0.1, 2.5) << name << " at " << t;
       const SE3 a = drive.at(t), b = drive.at(t + 0.1);
       ASSERT_LT((a.inverse() * b).log().tail<3>().norm() * 57.29578 / 0.1, 40) << name << t;
-      // It looks where it goes.
+      // The camera looks in the direction of motion.
       if (speed > 1) {
         const Vec3 step = (b.t - a.t).normalized();
         ASSERT_GT(step.dot(a.R.col(2)), 0.98) << name << " at " << t;

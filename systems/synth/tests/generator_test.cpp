@@ -42,8 +42,8 @@ TEST_F(Generator, SeedAndOptionsChangeTheBytes) {
   EXPECT_NE(checksum(other, "noise", 2), base);
 }
 
-// The same bytes on every machine. When a change of the generator is meant, raise
-// kGeneratorVersion and put the new checksums here.
+// Every machine must give the same bytes. For an intended change of the generator, raise
+// kGeneratorVersion and update the checksums.
 TEST_F(Generator, BytesAreTheKnownOnes) {
   EXPECT_STREQ(kGeneratorVersion, "2");
   EXPECT_EQ(checksum(lively(), "rgbd", 2),

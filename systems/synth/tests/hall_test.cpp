@@ -32,7 +32,7 @@ TEST(RobotPath, DrivesAheadTurnsInPlaceAndKeepsItsHeight) {
         const double deg_s = degrees_between(a, b) / kStep_s;
         fastest_m_s = std::max(fastest_m_s, m_s);
         fastest_deg_s = std::max(fastest_deg_s, deg_s);
-        // Vibration alone turns by up to 4 degrees per second.
+        // Vibration alone rotates the camera by up to 4 degrees per second.
         if (m_s > 0.05) {
           ASSERT_LT(deg_s, 6) << name << " at " << t;
           ASSERT_GT(step.head<2>().dot(a.R.col(2).head<2>()), 0.99 * step.head<2>().norm());
@@ -49,7 +49,7 @@ TEST(RobotPath, DrivesAheadTurnsInPlaceAndKeepsItsHeight) {
   EXPECT_THROW(make_robot_path("pioneer5", 1), Error);
 }
 
-/// Features that the system's own extractor finds from the middle of the hall in this direction.
+/// Returns how many ORB features a camera near the hall's center sees in this direction.
 std::size_t features(double yaw_deg) {
   static const auto scene = make_hall({.texel_scale = 1, .threads = 2}, {});
   class Standing final : public CameraPath {
@@ -86,7 +86,7 @@ class HallSequence : public SequenceFolder {
   }
 };
 
-// The same bytes on every machine; see generator_test.cpp.
+// Every machine must give the same bytes; see generator_test.cpp.
 TEST_F(HallSequence, BytesAreTheKnownOnes) {
   const auto header = make(driven(), "one", 2);
   EXPECT_EQ(header["checksum"], "521a235beff98dd8970b11f2810fc0e3981676c4b8fcdf02b1323050758d0d09");
@@ -111,7 +111,7 @@ TEST_F(HallSequence, NothingFartherThanTheLimitHasDepth) {
     farthest_m = std::max(farthest_m, raw * 0.0002);
   }
   EXPECT_GT(farthest_m, 3);
-  EXPECT_LT(farthest_m, 4.2);  // the limit is on the true depth, noise comes on top
+  EXPECT_LT(farthest_m, 4.2);  // the limit applies to the depth before noise
 }
 
 TEST_F(HallSequence, TakesNoPeople) {

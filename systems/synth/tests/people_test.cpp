@@ -36,8 +36,8 @@ TEST(Skeleton, AnglesBendTheWayJointsDo) {
   stance.arms[0] = {90, 0, 0};
   stance.legs[1] = {0, 0, 90};
   const auto joints = keypoints(build, place_parts(build, stance));
-  EXPECT_NEAR(joints[9].x(), build.upper_arm_m() + build.forearm_m(), 1e-12);  // stretched ahead
-  EXPECT_NEAR(joints[16].x(), -build.shin_m(), 1e-12);                         // heel to the back
+  EXPECT_NEAR(joints[9].x(), build.upper_arm_m() + build.forearm_m(), 1e-12);  // stretched forward
+  EXPECT_NEAR(joints[16].x(), -build.shin_m(), 1e-12);                         // shin points back
 }
 
 TEST(Actor, WalksWithAFootOnTheFloorAndLiftsTheOther) {
@@ -72,7 +72,7 @@ TEST(Cast, KeepsAwayFromTheCameraAndHangsOnTheSeed) {
   }
 }
 
-/// A person alone in space, 3 m ahead of the camera and turned to it.
+/// A single person, 3 m in front of the camera and facing it.
 struct Portrait {
   Portrait() {
     auto built = std::make_shared<Scene>();
@@ -124,7 +124,7 @@ class PeopleSequence : public SequenceFolder {
   }
 };
 
-// When a change of the generator is meant, raise kGeneratorVersion and put the new checksums here.
+// For an intended change of the generator, raise kGeneratorVersion and update the checksums.
 TEST_F(PeopleSequence, BytesAreTheKnownOnesAndDoNotDependOnThreads) {
   const auto one = make(two_sitting(), "one", 1), three = make(two_sitting(), "three", 3);
   EXPECT_EQ(one, three);

@@ -11,7 +11,7 @@
 namespace slambed::synth {
 namespace {
 
-/// The usual room with coarse textures, built once for all tests.
+/// The default room with coarse textures, built once for all tests.
 std::shared_ptr<const Scene> room() {
   static const auto scene = make_room({.texel_scale = 2, .threads = 2}, {});
   return scene;
@@ -36,7 +36,7 @@ TEST(Renderer, DepthOfABoxIsExact) {
   const int w = picture.width;
   EXPECT_NEAR(picture.depth_m[240 * w + 320], 2, 1e-5);
   EXPECT_NEAR(picture.depth_m[60 * w + 100], 2, 1e-5);
-  // The near side spans 2 m at 2 m: 525 px; above and below nothing.
+  // The near side is 2 m wide at a depth of 2 m: 525 px. Outside of it there is no surface.
   EXPECT_EQ(picture.depth_m[240 * w + 50], 0);
   int column = 0;
   for (int x = 0; x < w; ++x) column += picture.depth_m[240 * w + x] > 0;
@@ -48,7 +48,7 @@ TEST(Renderer, NearerThingsHideFartherOnes) {
   const Picture picture = renderer.render(make_path("still", 0, 1)->at(0), 0);
   int empty = 0;
   for (const float z : picture.depth_m) empty += z <= 0;
-  EXPECT_LT(empty, 20);  // a closed room: no pixel without a surface, save cracks
+  EXPECT_LT(empty, 20);  // in a closed room only cracks between faces have no surface
 }
 
 TEST(Renderer, WarpingOnePictureByItsDepthGivesTheOther) {
@@ -77,7 +77,7 @@ TEST(Renderer, WarpingOnePictureByItsDepthGivesTheOther) {
     }
   }
   ASSERT_GT(inside, 20000);
-  EXPECT_GT(same_depth, 0.93 * inside);  // the rest is hidden in one of the two
+  EXPECT_GT(same_depth, 0.93 * inside);  // the rest is occluded in one of the pictures
   // Unrelated pixels differ several times as much.
   EXPECT_LT(difference / same_depth, 5);
   EXPECT_GT(contrast / same_depth, 4 * difference / same_depth);

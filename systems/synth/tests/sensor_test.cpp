@@ -35,7 +35,7 @@ double lost(const std::vector<std::uint16_t>& depth) {
 }
 
 TEST(Sensor, OrbFindsAThousandFeaturesEverywhere) {
-  // The C++ extractor of the system itself, at the sequence's full texture resolution.
+  // Uses the system's own extractor at full texture resolution.
   const auto scene = make_room({.texel_scale = 1, .threads = 2}, {});
   const auto path = make_path("spline", 60, 5);
   SensorModel sensor(scene, generator_camera({}), {.noise = 2});

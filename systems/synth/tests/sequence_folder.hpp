@@ -22,13 +22,13 @@ inline std::string slurp(const fs::path& file) {
   return out.str();
 }
 
-/// Generates small sequences, each in a folder of its own.
+/// Generates small sequences, each in its own folder.
 class SequenceFolder : public ::testing::Test {
  protected:
   void SetUp() override { fs::create_directories(folder_); }
   void TearDown() override { fs::remove_all(folder_); }
 
-  /// Five pictures of 160x120.
+  /// Options for five pictures of 160x120.
   static GeneratorOptions small() {
     GeneratorOptions options;
     options.width = 160;
@@ -39,13 +39,13 @@ class SequenceFolder : public ::testing::Test {
     return options;
   }
 
-  /// What sequence.json says of it.
+  /// Generates a sequence and returns its sequence.json.
   nlohmann::json make(const GeneratorOptions& options, const std::string& name, int threads) {
     EXPECT_TRUE(generate(options, folder_ / name, threads, [](int, int) { return true; }));
     return nlohmann::json::parse(slurp(folder_ / name / "sequence.json"));
   }
 
-  /// Why it is refused.
+  /// Returns the error message for options that must be refused.
   std::string rejected(const GeneratorOptions& options) {
     try {
       generate(options, folder_ / "bad", 1, [](int, int) { return true; });

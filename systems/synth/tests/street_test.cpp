@@ -34,7 +34,7 @@ TEST(Street, SkyAboveRoadBelowAndHousesBeside) {
   int pictures = 0;
   for (double t = 2; t < drive->duration_s(); t += 3, ++pictures) {
     const Picture p = renderer.render(drive->at(t), t);
-    // The road under the camera: 1.45 m below it, 2 degrees of pitch.
+    // The road lies 1.45 m below the camera, which is pitched down by 2 degrees.
     const float below = p.depth_m[88 * 160 + 80];
     EXPECT_NEAR(below, 1.45 * 87.5 / (88 - 44.5 + 3.1), 0.35) << t;
     for (const float z : p.depth_m) {
@@ -77,7 +77,7 @@ TEST(Street, AFifthOfTheParkedCarsAreOthersInTheSecondLap) {
   EXPECT_NEAR(static_cast<double>(go) / (stay + go), 0.2, 0.1);
 }
 
-/// What is left out because its ball is out of sight must not have been seen.
+/// Culling by bounding spheres must not change any pixel.
 TEST(Street, CullingTakesNothingAway) {
   const auto drive = std::make_shared<const Drive>("block", 4);
   const auto scene = coarse(drive, 2);

@@ -36,7 +36,7 @@ TEST(Texture, MagnifiedReadInterpolatesBetweenTexelCenters) {
   EXPECT_NEAR(filter.read(0.5f, 0.5f, tiny), 0, 0.1);
   EXPECT_NEAR(filter.read(1.0f, 0.5f, tiny), 5, 0.1);
   EXPECT_NEAR(filter.read(2.5f, 2.0f, tiny), 70, 0.2);
-  EXPECT_NEAR(filter.read(-9.0f, 99.0f, tiny), 100, 0.1);  // outside: the border goes on
+  EXPECT_NEAR(filter.read(-9.0f, 99.0f, tiny), 100, 0.1);  // outside, the border is extended
 }
 
 TEST(Texture, CheckerFinerThanThePixelGridReadsAsGray) {

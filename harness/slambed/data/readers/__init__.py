@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Dataset readers, found by module name: `reader: tum` in a dataset file is readers/tum.py.
 
-A reader module defines one class `Reader(SequenceReader)`; adding a file here adds a format.
+A reader module defines one class `Reader(SequenceReader)`; a new file in this folder adds a format.
 """
 
 from __future__ import annotations
@@ -17,12 +17,12 @@ __all__ = ["ReaderOptions", "SequenceReader", "load_reader", "reader_names"]
 
 
 def reader_names() -> list[str]:
-    """Names that may stand behind `reader:`."""
+    """Returns the names allowed for `reader:`."""
     return sorted(module.name for module in pkgutil.iter_modules(__path__) if module.name != "base")
 
 
 def load_reader(name: str) -> type[SequenceReader]:
-    """The reader class of the module with this name."""
+    """Returns the reader class of the module with this name."""
     if name not in reader_names():
         raise SlambedError(
             f"reader '{name}' does not exist{did_you_mean(name, reader_names())}; "

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""ROS 1 bags, ROS 2 bags (sqlite3, MCAP) and single MCAP files, read without ROS by `rosbags`."""
+"""Reads ROS 1 bags, ROS 2 bags (sqlite3, MCAP) and single MCAP files without ROS, by `rosbags`."""
 
 from __future__ import annotations
 
@@ -28,22 +28,22 @@ from slambed.errors import SlambedError
 from slambed.suggestion import did_you_mean
 
 _IMAGES = ("sensor_msgs/msg/Image", "sensor_msgs/msg/CompressedImage")
-#: What `rosbags` raises for damaged files.
+#: Errors that `rosbags` raises for damaged files.
 _BROKEN = (
     AnyReaderError, ReaderError1, ReaderError2, SerdeError, TypesysError, UnicodeDecodeError,
     OSError, sqlite3.Error, struct.error,
 )  # fmt: skip
-#: The header's clock and the recorder's may differ by a constant, but not in how fast they go.
+#: The clocks of header and recorder may differ by a constant offset, but not in their rate.
 _CLOCK_RATIO, _CLOCK_SLACK_S = 1.5, 2.0
 _LONGEST_REASON = 160
 
 
 class Reader(SequenceReader):
-    """Two image topics paired by header stamp. Parts of a split bag are read as one.
+    """Reads two image topics paired by header stamp. Parts of a split bag are read as one.
 
     reader_options: first_topic (gray or color), second_topic (depth or right image),
     groundtruth_topic (PoseStamped, PoseWithCovarianceStamped, TransformStamped, Odometry, Path or
-    PointStamped of the camera in the world), max_difference_s (0.02).
+    PointStamped: the camera in the world frame), max_difference_s (0.02).
     """
 
     known_options = ("first_topic", "second_topic", "groundtruth_topic", "max_difference_s")
@@ -60,7 +60,7 @@ class Reader(SequenceReader):
 
     @cached_property
     def _pairs(self) -> list[tuple[int, int | None]]:
-        """Stamps that belong together; found by reading the whole bag once."""
+        """Paired timestamps; reads the whole bag once."""
         times: dict[str, list[int]] = {self._first: []}
         if self._second:
             times[self._second] = []
@@ -179,7 +179,7 @@ class Reader(SequenceReader):
             raise SlambedError(f"{self.path}: {_reason(broken)}") from broken
 
     def _messages(self, bag: AnyReader, topics: list[str]) -> Iterator[tuple[str, Any, int]]:
-        """Topic, message, and when the bag got it."""
+        """Yields topic, message, and the time at which the bag recorded it."""
         present = sorted({connection.topic for connection in bag.connections})
         for topic in topics:
             if topic not in present:
@@ -202,13 +202,13 @@ class Reader(SequenceReader):
 
 
 def _goes_on(first: Path, part: Path) -> bool:
-    """Parts lie beside each other and are of one kind."""
+    """Returns whether `part` belongs to the same recording: same folder and same type."""
     same_kind = (first.suffix, first.is_dir()) == (part.suffix, part.is_dir())
     return same_kind and first.parent == part.parent
 
 
 def _reason(broken: Exception) -> str:
-    """What a library says, in one short line, and what to do about what crashes leave behind."""
+    """Shortens a library's error to one line, with a fix for bags left by crashes."""
     reported: Sequence[object] = broken.args or (broken,)
     lines = " ".join(str(part) for part in reported).strip().splitlines()
     what = lines[0][:_LONGEST_REASON] if lines else type(broken).__name__

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What every dataset reader offers."""
+"""The interface of dataset readers."""
 
 from __future__ import annotations
 
@@ -31,41 +31,41 @@ _NUMBER = re.compile(r"(?:frame-)?(\d{1,18})")
 
 @dataclass(frozen=True)
 class ReaderOptions:
-    """What a dataset file says about the sequence; `extra` is its reader_options mapping."""
+    """The settings of a dataset file; `extra` is its reader_options mapping."""
 
     sensor: Sensor
-    size: tuple[int, int] | None = None  #: width, height; None: the reader finds out
-    camera: Camera | None = None  #: None: the reader takes it from the dataset's own files
-    distortion: tuple[float, ...] = ()  #: that the dataset file gives its camera
+    size: tuple[int, int] | None = None  #: width, height; None: the reader determines it
+    camera: Camera | None = None  #: None: taken from the dataset's own files
+    distortion: tuple[float, ...] = ()  #: distortion of the camera in the dataset file
     depth_unit_m: float = 0.0
     fps: float = 30.0
     groundtruth: str | None = None  #: file in the source folder
-    further_parts: tuple[Path, ...] = ()  #: of a recording in several files, all but the first
+    further_parts: tuple[Path, ...] = ()  #: of a multi-file recording, without the first
     extra: dict[str, Any] = field(default_factory=dict)
 
 
 class SequenceReader(ABC):
-    """A recorded sequence: length, frames in order of time, ground truth.
+    """A recorded sequence: length, frames sorted by time, ground truth.
 
-    Readers whose frames are files of their own are FolderReaders: those are decoded on all cores.
+    Readers whose frames are separate files are FolderReaders, which are decoded on all cores.
     """
 
-    #: Names allowed in reader_options, and beside them those that all readers know.
+    #: Names allowed in reader_options, in addition to the common ones of all readers.
     known_options: tuple[str, ...] = ()
     common_options = ("gray_range", "max_gap_s")
-    #: What the format can hold.
+    #: Sensors that the format supports.
     sensors: tuple[Sensor, ...] = ("rgbd", "stereo", "mono")
-    #: False where the format's own calibration says how the lens distorts.
+    #: False if the format's own calibration includes the distortion.
     takes_distortion = True
-    #: True where what a pattern of `paths` finds in several files is one recording.
+    #: True if several files that match a pattern of `paths` are one recording.
     reads_parts = False
-    #: Where poses come from in a format without `groundtruth:`; empty where that names their file.
+    #: Hint for formats without `groundtruth:` on where poses come from; empty if the key is used.
     truth_without_key = ""
 
     def __init__(self, path: Path, options: ReaderOptions) -> None:
         self.path = path
         self.options = options
-        #: What whoever prepares the sequence should know: what was left out or recognized.
+        #: Remarks for the user: what was skipped or detected.
         self.notes: list[str] = []
         if options.further_parts and not self.reads_parts:
             self.notes.append(
@@ -98,7 +98,7 @@ class SequenceReader(ABC):
         self.gray_range = self._gray_range()
 
     def _positive_option(self, name: str, default: float | None) -> float | None:
-        """A number above 0 of reader_options."""
+        """Returns a number above 0 of reader_options."""
         value = self.options.extra.get(name, default)
         if value is None or (_is_number(value) and value > 0):
             return value
@@ -118,11 +118,12 @@ class SequenceReader(ABC):
 
     @property
     def max_difference_s(self) -> float:
-        """How far the times of two sensors may be apart."""
+        """Maximum time difference between the two sensors."""
         return self._positive_option("max_difference_s", MAX_DIFFERENCE_S) or MAX_DIFFERENCE_S
 
     def _note_unpaired(self, first: int, paired: int) -> None:
-        """What has no partner is not played; a benchmark's recordings have some at their ends."""
+        """Reports frames without a partner, which are skipped; benchmark recordings have some at
+        their ends."""
         if paired < first:
             self.notes.append(
                 f"{self.path}: {first - paired} of {first} pictures have none of the second sensor "
@@ -130,7 +131,8 @@ class SequenceReader(ABC):
             )
 
     def _in_ns(self, file: Path, stamps: list[tuple[int, str]], usual: str) -> list[int]:
-        """Nanoseconds of a file's times, given with their lines; `usual` is the format's unit."""
+        """Converts times of a file, given with line numbers, to nanoseconds; `usual` is the
+        format's default unit."""
         counts = []
         for line, text in stamps:
             try:
@@ -155,10 +157,10 @@ class SequenceReader(ABC):
 
     @abstractmethod
     def times_ns(self) -> list[int]:
-        """Recorded time of every frame, in order."""
+        """Returns the recorded time of every frame, in order."""
 
     def place(self, i: int) -> str:
-        """Where the time of frame i is written."""
+        """Returns where the time of frame i is written."""
         return f"{self.path}"
 
     @abstractmethod
@@ -169,14 +171,14 @@ class SequenceReader(ABC):
 
     @abstractmethod
     def files(self) -> Iterable[Path]:
-        """Every file the content depends on; preparation is repeated when one changes."""
+        """Yields all files that the content depends on; a change of one repeats the preparation."""
 
     def trajectory(self) -> Trajectory | None:
-        """Ground truth: left (or color) camera to world, recorded time."""
+        """Returns the ground truth: left (or color) camera to world, in recorded time."""
         return None
 
     def camera(self) -> Camera:
-        """The camera of the frames as delivered."""
+        """Returns the camera of the delivered frames."""
         if self.options.camera is None:
             raise SlambedError(f"{self.path}: this reader needs 'camera' in the dataset file")
         if self.options.camera.bf == 0 and self.options.sensor != "mono":
@@ -187,14 +189,14 @@ class SequenceReader(ABC):
         return self.options.camera
 
     def size(self) -> tuple[int, int]:
-        """Width and height of the frames as delivered."""
+        """Returns width and height of the delivered frames."""
         if self.options.size is None:
             raise SlambedError(f"{self.path}: this reader needs the camera's width and height")
         return self.options.size
 
 
 class FolderReader(SequenceReader):
-    """A reader whose frames can be fetched in any order."""
+    """A reader with random access to frames."""
 
     @abstractmethod
     def __getitem__(self, i: int) -> Frame: ...
@@ -204,7 +206,7 @@ class FolderReader(SequenceReader):
 
 
 def numbered(folder: Path, pattern: str) -> list[Path]:
-    """Files in the order of their numbers, `frame-9` before `frame-10`; by name without any."""
+    """Returns files sorted by number, `frame-9` before `frame-10`; by name if a file has none."""
     files = sorted(folder.glob(pattern))
     if any(number_of(file) is None for file in files):
         return files
@@ -212,28 +214,28 @@ def numbered(folder: Path, pattern: str) -> list[Path]:
 
 
 def number_of(file: Path) -> int | None:
-    """The number that a file is named by, as in frame-000012.color.png and 000012.png."""
+    """Returns the number in a file name such as frame-000012.color.png or 000012.png."""
     digits = _NUMBER.fullmatch(file.name.partition(".")[0])
     return int(digits[1]) if digits else None
 
 
 def first_missing(files: list[Path]) -> tuple[int, int]:
-    """How many numbers are not there between the first and the last of numbered files, and the
-    first of them."""
+    """Returns how many numbers are missing between the first and the last file, and the first
+    missing one."""
     numbers = [number_of(file) or 0 for file in files]
     gaps = [(b - a - 1, a + 1) for a, b in pairwise(numbers) if b > a + 1]
     return sum(count for count, _ in gaps), gaps[0][1] if gaps else 0
 
 
 def require(path: Path, what: str) -> Path:
-    """The path itself when it exists, else one clear line."""
+    """Returns the path; raises a one-line SlambedError if it does not exist."""
     if not path.exists():
         raise SlambedError(f"{path} is missing ({what}); complete the dataset")
     return path
 
 
 def require_poses(path: Path) -> Path:
-    """The file that `groundtruth:` names: who asked for it is not left without."""
+    """Returns the file named by `groundtruth:`; raises SlambedError if it is missing."""
     if not path.is_file():
         raise SlambedError(
             f"{path} is missing (ground truth); complete the dataset, or remove 'groundtruth' "

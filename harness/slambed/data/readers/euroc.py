@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""EuRoC MAV (ASL) folders: mav0/cam0, mav0/cam1, mav0/state_groundtruth_estimate0; TUM-VI's, too,
+"""EuRoC MAV (ASL) folders: mav0/cam0, mav0/cam1, mav0/state_groundtruth_estimate0; also TUM-VI
 with mav0/mocap0."""
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ from slambed.data.trajectory import Trajectory
 from slambed.errors import SlambedError
 
 _POSE = "time, x, y, z, qw, qx, qy, qz"
-#: Of the body, as its IMU is; TUM-VI's motion capture is given for the IMU as well.
+#: Poses of the body, which is the IMU; TUM-VI's motion capture also refers to the IMU.
 _POSES = ("state_groundtruth_estimate0/data.csv", "mocap0/data.csv")
 
 
@@ -38,10 +38,10 @@ class _Image:
 
 
 class Reader(FolderReader):
-    """Stereo, rectified here from the two sensor.yaml, or cam0 alone (sensor mono), undistorted.
+    """Stereo, rectified with the two sensor.yaml, or cam0 alone (sensor mono), undistorted.
 
-    The rectified camera is the dataset file's `camera` (OpenCV's own choice of it changed between
-    versions) or, without one, the one that keeps no invalid pixels. Ground truth is moved
+    The rectified camera is the dataset file's `camera`, because OpenCV's own choice differs between
+    versions. Without it, it is the camera that keeps no invalid pixels. Ground truth is converted
     from the body (IMU) to the rectified left camera.
 
     reader_options: time_unit (ns).
@@ -131,7 +131,7 @@ class Reader(FolderReader):
         return found.take(np.argsort(found.stamps_s, kind="stable"))
 
     def _straighten(self) -> None:
-        """Rotations, projections and maps of the cameras."""
+        """Computes rotations, projections and remapping tables of the cameras."""
         if len(self._sensors) == 1:
             self._rotations = [np.eye(3)]
             self._projections = [np.column_stack([self._sensors[0].lens.matrix, np.zeros(3)])]
@@ -159,7 +159,7 @@ class Reader(FolderReader):
     ) -> tuple[NDArray[np.float64], ...]:
         assert left.pose is not None and right.pose is not None
         right_left = np.linalg.inv(right.pose) @ left.pose
-        x, y, z = np.linalg.inv(right_left)[:3, 3]  # the right camera, seen from the left one
+        x, y, z = np.linalg.inv(right_left)[:3, 3]  # right camera in the left camera's frame
         if not x > max(abs(y), abs(z)):
             raise SlambedError(
                 f"{self._mav}: cam1 is {1e3 * x:.4g} mm to the right of cam0, {1e3 * y:.4g} mm "
@@ -187,7 +187,7 @@ class Reader(FolderReader):
         return next((self._mav / name for name in _POSES if (self._mav / name).is_file()), None)
 
     def _image_list(self, folder: Path) -> list[_Image]:
-        """Lines `time, file`; without a name the file has that of the time."""
+        """Reads lines `time, file`; a missing file name is derived from the time."""
         listing = require(folder / "data.csv", "list of images")
         rows = []
         for number, line in table_lines(listing):

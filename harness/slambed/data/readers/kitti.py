@@ -31,8 +31,8 @@ _PROJECTION = "12 numbers, a 3x4 projection"
 class Reader(FolderReader):
     """Rectified gray stereo (or left only, sensor mono); the camera comes from calib.txt.
 
-    The path is sequences/NN. groundtruth is searched there, then in ../../poses. Where an image is
-    missing, times and poses go by the numbers of the images.
+    The path is sequences/NN. The ground truth is searched there, then in ../../poses. If images are
+    missing, times and poses are assigned by image number.
 
     reader_options: time_unit (s).
     """
@@ -119,7 +119,7 @@ class Reader(FolderReader):
         return Trajectory.of_matrices(np.array(self._times_ns) * 1e-9, matrices)
 
     def _read_times(self) -> tuple[list[int], list[int]]:
-        """Line and time of every image."""
+        """Returns line number and time of every image."""
         rows = [
             (number, line.strip().rstrip(",;"))
             for number, line in enumerate(read_lines(self._times_file), 1)
@@ -127,15 +127,15 @@ class Reader(FolderReader):
         ]
         if rows and is_header(rows[0][1].split()):
             rows = rows[1:]
-        # One time a line, a date and a time of day, or all in one line.
+        # One time per line, a date with a time of day, or all times in one line.
         if len(rows) == 1 and len(self._left) > 1:
             rows = [(rows[0][0], word) for word in rows[0][1].split()]
         chosen = [rows[k] for k in self._places_in(len(rows), self._times_file, "times")]
         return [line for line, _ in chosen], self._in_ns(self._times_file, chosen, "s")
 
     def _places_in(self, count: int, file: Path, what: str) -> list[int]:
-        """Which of so many rows belong to the images: those with their numbers, or, where images
-        and rows were left out together, those in their places."""
+        """Returns the rows that belong to the images: by image number, or by position if both
+        images and rows were removed."""
         numbers = [-1 if (n := number_of(image)) is None else n for image in self._left]
         if count != len(numbers) and min(numbers) >= 0 and max(numbers) < count:
             return numbers

@@ -24,15 +24,15 @@ from slambed.data.text_file import fields, read_lines
 from slambed.data.trajectory import Trajectory
 from slambed.errors import SlambedError
 
-#: What 7-Scenes writes for "no measurement".
+#: 7-Scenes' value for missing depth.
 _INVALID_DEPTH = 65535
 
 
 class Reader(FolderReader):
-    """Frames have no recorded time: frame i gets (its number - the first one's) / fps. Poses are
-    camera to world; where tracking was lost (ScanNet writes -inf) there is none.
+    """Frames have no recorded time: frame i gets (its number - the first number) / fps. Poses are
+    camera to world; a frame without tracking (ScanNet writes -inf) has none.
 
-    reader_options: sequence ("seq-01", a folder below the path; without it the path itself).
+    reader_options: sequence ("seq-01", a folder below the path; default: the path itself).
     """
 
     known_options = ("sequence",)

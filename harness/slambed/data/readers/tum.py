@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""TUM RGB-D benchmark folders: rgb.txt, images, groundtruth.txt, and depth.txt but for mono."""
+"""TUM RGB-D benchmark folders: rgb.txt, images, groundtruth.txt, and depth.txt except for mono."""
 
 from __future__ import annotations
 
@@ -29,8 +29,10 @@ class _Image:
 
 
 class Reader(FolderReader):
-    """Color and depth paired by time, closest first, one-to-one; the frame has the color's time.
-    With `sensor: mono` every color image, and no depth is asked for.
+    """Color and depth are paired by time, closest first, one-to-one; a frame has the time of its
+    color image.
+
+    With `sensor: mono` all color images are used, without depth.
 
     reader_options: max_difference_s (0.02), time_unit (s).
     """
@@ -87,7 +89,8 @@ class Reader(FolderReader):
         return read_groundtruth(require_poses(self.path / self.options.groundtruth))
 
     def _read_list(self, path: Path) -> list[_Image]:
-        """Lines `time file`, sorted by time; of those with the same time the first."""
+        """Reads lines `time file`, sorted by time; of lines with the same time the first is
+        kept."""
         lines, stamps, names = [], [], []
         for number, line in table_lines(path):
             entry = _ENTRY.fullmatch(line.split("#", 1)[0])
@@ -127,7 +130,7 @@ class Reader(FolderReader):
 
 
 def _named_file(listing: Path, line: int, name: str) -> Path:
-    """A name may have blanks in it; a line may have more columns behind the name."""
+    """A file name may contain blanks, and further columns may follow it."""
     whole, first = listing.parent / name, listing.parent / name.split()[0]
     if whole == first or whole.is_file():
         return whole

@@ -1,2 +1,3 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The mobile node of a run on another machine, by its Docker over ssh (docs/hosts.md)."""
+"""The mobile node of a run on another machine, through its Docker daemon over ssh
+(docs/how-to/use-a-real-board.md)."""

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The process on a board, beside its Docker: reports its clock, samples the mobile node, holds the
+"""The process on a board, besides its Docker: reports its clock, samples the mobile node, holds the
 lock of the board.
 
-It travels over ssh as source, with the modules of `SHIPPED`, and has nothing to import there but
-Python's own library (`agent_source`). It answers a line of JSON with one, and ends with its input.
+It is sent over ssh as source, with the modules of `SHIPPED`, and can only import the standard
+library (`agent_source`). It answers each line of JSON with one, and ends with its input.
 """
 
 import contextlib
@@ -28,16 +28,16 @@ SAMPLE_EVERY_S = 0.1
 NS_PER_S = 1e9
 TCP_SETTINGS = ("tcp_congestion_control", "tcp_rmem", "tcp_wmem", "tcp_slow_start_after_idle")
 ECHO = struct.Struct("!QQQ")
-"""Number of the exchange (all of a question), received, answered [ns]."""
+"""Number of the exchange (the whole request), time received, time answered [ns]."""
 
 
 def cpu_online() -> list[int]:
-    """Numbers of the CPUs that a node may use."""
+    """Returns the numbers of the CPUs that a node may use."""
     return sorted(os.sched_getaffinity(0))
 
 
 def model() -> str:
-    """Of the board, as its device tree says it, else of its CPU."""
+    """Returns the model of the board from its device tree, or else of its CPU."""
     with contextlib.suppress(OSError):
         return Path("/proc/device-tree/model").read_text(errors="replace").strip("\0 \n")
     for line in Path("/proc/cpuinfo").read_text(errors="replace").splitlines():
@@ -48,7 +48,7 @@ def model() -> str:
 
 
 def look() -> dict[str, Any]:
-    """What this machine is, and how ssh came to it."""
+    """Returns facts about this machine and its ssh connection."""
     # client address, client port, server address, server port
     words = os.environ.get("SSH_CONNECTION", "").split()
     tcp = {}
@@ -71,7 +71,7 @@ def look() -> dict[str, Any]:
 
 
 def steal_s() -> float | None:
-    """CPU time of all processors that a hypervisor gave to others."""
+    """Returns the CPU time of all CPUs that the hypervisor gave to other guests."""
     try:
         words = Path("/proc/stat").read_text().split("\n", 1)[0].split()
         return int(words[8]) / os.sysconf("SC_CLK_TCK")
@@ -80,7 +80,7 @@ def steal_s() -> float | None:
 
 
 class ClockEcho:
-    """Answers datagrams with the time at which they came and go again."""
+    """Answers datagrams with the times of their receipt and of the answer."""
 
     def __init__(self, address: str) -> None:
         self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
@@ -98,7 +98,7 @@ class ClockEcho:
 
 
 class Watch:
-    """Samples of one node, from `start` to `stop`, by the clock of the board."""
+    """Samples one node from `start` to `stop`, with timestamps of the board's clock."""
 
     def __init__(self, pid: int, ports: list[int]) -> None:
         paths = paths_of(pid)
@@ -113,11 +113,11 @@ class Watch:
         self._began_s = time.monotonic()
 
     def granted(self) -> dict[str, Any]:
-        """What its group may use."""
+        """Returns the limits of its cgroup."""
         return vars(self._reader.granted())
 
     def start(self) -> None:
-        """Samples from now on, from a thread of its own."""
+        """Starts sampling in a thread."""
         self._began_s = time.monotonic()
         self._thread = threading.Thread(target=self._run, daemon=True)
         self._thread.start()
@@ -128,7 +128,7 @@ class Watch:
             try:
                 self._samples.append(self._sample())
             except OSError:
-                break  # its group went with it
+                break  # its cgroup is gone
             due = max(due + SAMPLE_EVERY_S, time.monotonic())
             self._stopped.wait(due - time.monotonic())
         self._cpu_s = time.thread_time()
@@ -151,7 +151,7 @@ class Watch:
         }
 
     def stop(self) -> dict[str, Any]:
-        """All samples, and what taking them cost, in percent of one core."""
+        """Returns all samples, and the CPU use of sampling in percent of one core."""
         self._stopped.set()
         if self._thread is not None:
             self._thread.join()
@@ -164,14 +164,14 @@ class Watch:
 
 
 class Agent:
-    """Answers one request after the other."""
+    """Answers requests, one at a time."""
 
     def __init__(self) -> None:
         self._lock = -1
         self._watch: Watch | None = None
 
     def answer(self, asked: dict[str, Any]) -> dict[str, Any]:
-        """What is said to a request."""
+        """Returns the answer to a request."""
         what = asked["request"]
         if what == "clock":
             received_ns = time.monotonic_ns()
@@ -199,7 +199,7 @@ class Agent:
 
 
 def main() -> None:
-    """Until the input ends."""
+    """Serves requests until the input ends."""
     agent = Agent()
     with os.fdopen(0, "rb", buffering=0) as requests:
         for line in requests:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The agent as it travels: a program for `python3 -c`, with everything that it imports in it."""
+"""The agent as a program for `python3 -c`, together with all modules that it imports."""
 
 import base64
 import io
@@ -14,7 +14,7 @@ SHIPPED = (
     "errors", "process.namespaces", "engines.lock_file", "engines.board.agent",
     "sampling.cgroup", "sampling.kept_files", "sampling.tasks", "sampling.tcp_info",
 )  # fmt: skip
-"""Modules that need nothing but Python's own library."""
+"""Modules that need only the standard library."""
 START = """\
 import sys
 if sys.version_info < {least}:
@@ -29,7 +29,7 @@ runpy.run_module("{agent}", run_name="__main__")
 
 
 def agent_source() -> str:
-    """The program; it leaves nothing where it ran."""
+    """Returns the program; it leaves no files on the board."""
     packed = io.BytesIO()
     root = Path(slambed.__file__).parent
     with zipfile.ZipFile(packed, "w", zipfile.ZIP_DEFLATED) as archive:

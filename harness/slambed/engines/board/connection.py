@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The hold on a board: ssh with the agent at its far end, and its Docker through the same."""
+"""Connection to a board: ssh with the agent on the board, and its Docker daemon over the same
+connection."""
 
 import contextlib
 import socket
@@ -35,25 +36,25 @@ SSH = (
     "ssh", "-T", "-o", "BatchMode=yes", "-o", "ConnectTimeout=15",
     "-o", f"ServerAliveInterval={ASKED_EVERY_S}", "-o", f"ServerAliveCountMax={UNANSWERED}",
 )  # fmt: skip
-"""No questions, and the end of a board that is silent for 15 s."""
+"""Never prompts, and closes the connection after a board has been silent for 15 s."""
 FIRST_ANSWER_S = 45.0
 ANSWER_S = 30.0
 DOCKER_S = 60
 LAST_S = ASKED_EVERY_S * (UNANSWERED + 1.0)
-"""From the end of its Docker's stream until ssh notices the silence of a board without power."""
+"""Time from the end of the Docker stream until ssh notices a board without power."""
 DATAGRAM_S = 0.25
-"""Longer than a way there and back through any network that SLAM is offloaded over."""
+"""Longer than the RTT of any network used for offloaded SLAM."""
 DATAGRAM_TRIES = 4
 END_S = 5.0
 A = TypeVar("A", bound=Message)
 
 
 class BoardConnection:
-    """From its making to `close`. Raises SlambedError, in a line that names the board, where it
-    does not answer, has no Docker, or is another campaign's."""
+    """Holds the connection until `close`. Raises a SlambedError with the board's name if it does
+    not answer, has no Docker, or is in use by another campaign."""
 
     def __init__(self, role: RoleHost, alone: bool = True) -> None:
-        """`alone`: with its lock, which who only asks what it is does not need."""
+        """`alone`: takes the board's lock; not needed to only query its facts."""
         self.role = role
         self.name = role.called
         self._folder = tempfile.TemporaryDirectory(prefix="slambed-board-")
@@ -68,7 +69,7 @@ class BoardConnection:
             first = [*SSH, *control, "-o", "ControlMaster=yes", *role.ssh, "--", role.host, agent]
             self._process = LineProcess(first, "board", self._errors)
             self.seen = self._look()
-            # Over the same connection, so that each costs a round trip and no new greeting.
+            # Multiplexed over the same connection, which saves the handshakes.
             dial = [*SSH, *control, *role.ssh, "--", role.host, "docker system dial-stdio"]
             self._dial = DialStdio(self._place / "docker.sock", dial, self._place / "docker.txt")
             self.docker = self.client()
@@ -83,7 +84,7 @@ class BoardConnection:
 
     @property
     def board(self) -> Board:
-        """As runs name it."""
+        """Returns the board as used in run keys."""
         seen = self.seen
         return Board(
             name=self.name,
@@ -94,21 +95,21 @@ class BoardConnection:
 
     @property
     def docker_url(self) -> str:
-        """Its Docker, as DOCKER_HOST has it."""
+        """URL of its Docker daemon, for DOCKER_HOST."""
         assert self._dial is not None
         return self._dial.url
 
     def client(self) -> docker.DockerClient:
-        """A client of its Docker, for one thread."""
+        """Returns a client of its Docker daemon, for one thread."""
         return docker.DockerClient(self.docker_url, version="1.40", timeout=DOCKER_S)
 
     def alive(self) -> bool:
-        """False once the connection has ended."""
+        """Returns False once the connection has ended."""
         return self._process is not None and self._process.alive()
 
     def must_live(self, patience_s: float = 0.0) -> None:
-        """KilledError once the connection has ended. `patience_s`: of who has seen its Docker break
-        off, which may be heard of first."""
+        """Raises KilledError once the connection has ended. `patience_s`: how long to wait for
+        that after a Docker failure, which may be noticed first."""
         deadline = time.monotonic() + patience_s
         while self.alive() and time.monotonic() < deadline:
             time.sleep(0.05)
@@ -116,12 +117,12 @@ class BoardConnection:
             raise KilledError(self.gone())
 
     def gone(self) -> str:
-        """That it is, in a line."""
+        """Returns one line about the lost board."""
         words = self._last_words(self._errors)
         return f"board {self.name} is gone" + (f": {words}" if words else "")
 
     def ask(self, request: Message, kind: type[A], timeout_s: float = ANSWER_S) -> A:
-        """The agent's answer."""
+        """Returns the agent's answer."""
         if self._process is None:
             raise KilledError(self.gone())
         try:
@@ -131,7 +132,7 @@ class BoardConnection:
             raise
 
     def compare_clocks(self) -> ClockComparison:
-        """Its clock against ours, by datagrams; through ssh where none comes back."""
+        """Compares its clock with ours by UDP datagrams, or through ssh if none comes back."""
         if self._clock_socket is None:
             self._clock_socket = self._open_clock()
         if any(self._by_datagram(self._clock_socket) for _ in range(DATAGRAM_TRIES)):
@@ -150,14 +151,14 @@ class BoardConnection:
     def _by_datagram(clock: socket.socket) -> Exchange | None:
         number = time.monotonic_ns()
         deadline = time.monotonic() + DATAGRAM_S
-        with contextlib.suppress(OSError):  # no answer in time, or nobody listens
+        with contextlib.suppress(OSError):  # no answer in time, or no listener
             clock.send(struct.pack("!Q", number))
             while (left := deadline - time.monotonic()) > 0:
                 clock.settimeout(left)
                 data = clock.recv(64)
                 back_ns = time.monotonic_ns()
                 if len(data) == ECHO.size and (reading := ECHO.unpack(data))[0] == number:
-                    # The number is the time at which it was sent.
+                    # The number is also the send time.
                     return Exchange(number, reading[1], reading[2], back_ns)
         return None
 
@@ -195,7 +196,7 @@ class BoardConnection:
         return lines[-1].strip().removeprefix("error: ") if lines else ""
 
     def close(self) -> None:
-        """Ends the agent and every connection; calling it twice is harmless."""
+        """Ends the agent and all connections; safe to call twice."""
         if self._clock_socket is not None:
             self._clock_socket.close()
             self._clock_socket = None

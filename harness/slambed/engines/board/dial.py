@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The Docker of another machine as a socket on this one: what `docker context` does over ssh.
+"""The Docker daemon of another machine as a local socket, like `docker context` over ssh.
 
-Whoever connects gets a `docker system dial-stdio` at the far end of its own, so that the Docker
-library and the docker command find that daemon like one of this machine.
+Each connection gets its own `docker system dial-stdio` on the other machine, so the Docker library
+and the docker command can use that daemon like a local one.
 """
 
 import socket
@@ -12,11 +12,11 @@ from pathlib import Path
 
 
 class DialStdio:
-    """A socket that leads to the daemon, from its making to `close`."""
+    """A socket connected to the daemon, until `close`."""
 
     def __init__(self, path: Path, command: list[str], errors: Path) -> None:
-        """`command` becomes the far end, with the connection for input and output; `errors`: a file
-        for what it complains of."""
+        """`command` is started for each connection, which becomes its stdin and stdout;
+        `errors`: file for its stderr."""
         self.path = path
         self._command = command
         self._errors = errors
@@ -31,7 +31,7 @@ class DialStdio:
 
     @property
     def url(self) -> str:
-        """As DOCKER_HOST has it."""
+        """Value for DOCKER_HOST."""
         return f"unix://{self.path}"
 
     def _serve(self) -> None:
@@ -55,7 +55,7 @@ class DialStdio:
                 )
 
     def close(self) -> None:
-        """Ends every connection; calling it twice is harmless."""
+        """Ends all connections; safe to call twice."""
         with self._guard:
             self._closed = True
             children, self._children = self._children, []

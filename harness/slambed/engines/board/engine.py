@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""An engine whose mobile node is on a board, and whose edge is on this host, by another engine."""
+"""An engine with the mobile node on a board and the edge on this host, by another engine."""
 
 import dataclasses
 import json
@@ -38,11 +38,11 @@ from slambed.spec.runtime import Runtime
 from slambed.spec.system import Role
 
 START_AHEAD_S = 5.0
-"""The start travels to the board, over ssh and its Docker."""
+"""Time to send the start time to the board, over ssh and its Docker."""
 
 
 class BoardEngine:
-    """Executes edges by `here` and mobile nodes on a board, from its making to `close`."""
+    """Runs edges with the engine `here` and mobile nodes on a board, until `close`."""
 
     unprivileged = False
     start_ahead_s = START_AHEAD_S
@@ -54,7 +54,7 @@ class BoardEngine:
         client: docker.DockerClient | None,
         notify: Callable[[str], None],
     ) -> None:
-        """`client`: this host's Docker, whose image may be copied; None: there is none."""
+        """`client`: this host's Docker, whose image may be copied; None without Docker."""
         self.name = here.name
         self._here = here
         self._role = role
@@ -80,7 +80,7 @@ class BoardEngine:
         )
 
     def _joined(self) -> BoardConnection:
-        """A connection to a board that is fit, and clean."""
+        """Returns a connection to the checked and cleaned board."""
         connection = BoardConnection(self._role)
         try:
             if found := remove_left(connection.docker, connection.name):
@@ -105,7 +105,7 @@ class BoardEngine:
 
     @property
     def connection(self) -> BoardConnection:
-        """To the board; a new one where it was gone meanwhile."""
+        """Connection to the board; reconnects if it was lost."""
         if self._connection is None or not self._connection.alive():
             if self._connection is not None:
                 self._connection.close()
@@ -118,7 +118,7 @@ class BoardEngine:
         return self._connection
 
     def bring(self, sequence: Path) -> None:
-        """Sees to it that image and sequence are there."""
+        """Makes sure that image and sequence are on the board."""
         connection = self.connection
         if self._image is None:
             self._image = bring_image(connection, self._client, self._notify)
@@ -128,32 +128,33 @@ class BoardEngine:
             )
 
     def sequence_path(self, sequence: Path, role: Role) -> str:
-        """On the node's machine."""
+        """Path on the node's machine."""
         return SEQUENCE if role == "mobile" else self._here.sequence_path(sequence, role)
 
     def output_path(self, run_dir: Path, role: Role) -> str:
-        """On the node's machine."""
+        """Path on the node's machine."""
         return OUTPUT if role == "mobile" else self._here.output_path(run_dir, role)
 
     def describe(self) -> EngineFacts:
-        """Of the edge's engine; the board's image is among the facts of the board."""
+        """Returns facts of the edge's engine; the board's image is among the facts of the board."""
         return self._here.describe()
 
     def image_ids(self, runtime: Runtime, system: str) -> dict[str, str]:
-        """Programs of their own stay on this host (`campaign.boards`)."""
+        """Raises SlambedError: boards do not support systems with their own programs."""
         raise SlambedError(f"system {system} is a program of its own, which no board executes yet")
 
     def allot(self, limits: dict[Role, Limits]) -> dict[Role, list[int]]:
-        """The board's all for the mobile node; the edge has this host."""
+        """Returns all CPUs of the board for the mobile node; the edge uses this host."""
         found: dict[Role, list[int]] = {"mobile": self.connection.seen.cpus}
         if (edge := limits.get("edge")) is not None:
             found["edge"] = allot_cpus(edge, edge, sorted(os.sched_getaffinity(0)))["edge"]
         return found
 
     def start(self, plan: NodePlan) -> Node:
-        """A node at the start barrier."""
+        """Starts a node at the start barrier."""
         if plan.role == "edge":
-            # Nothing but the namespace of the host is reached from outside, and it never dies.
+            # The edge must be in the host's network namespace, which is reachable from outside;
+            # that namespace outlives it, so it needs no other protection when it is killed.
             return self._here.start(dataclasses.replace(plan, host_network=True, dies=False))
         self._sidecar = None
         self.bring(plan.sequence)
@@ -164,15 +165,15 @@ class BoardEngine:
         return self._node
 
     def start_again(self, plan: NodePlan, dead: Node) -> Node:
-        """The edge."""
+        """Restarts the edge."""
         return self._here.start_again(dataclasses.replace(plan, host_network=True), dead)
 
     def start_segmenter(self, plan: NodePlan, edge: Node, network: str) -> SegmenterSidecar:
-        """Beside the edge."""
+        """Starts a segmenter next to the edge."""
         return self._here.start_segmenter(plan, edge, network)
 
     def sidecar_command(self, module: str, writable: list[Path]) -> list[str]:
-        """On this host."""
+        """Returns the command for a sidecar on this host."""
         return self._here.sidecar_command(module, writable)
 
     def start_sidecar(
@@ -183,7 +184,7 @@ class BoardEngine:
         run_dir: Path,
         whole_groups: bool,
     ) -> Sidecar:
-        """The edge's here, the mobile node's there."""
+        """Starts the edge's sidecar on this host and the mobile node's on the board."""
         edge: dict[Role, Node] = {role: n for role, n in nodes.items() if role == "edge"}
         own = {role: cpus[role] for role in edge}
         here = self._here.start_sidecar(
@@ -193,7 +194,8 @@ class BoardEngine:
         return self._sidecar
 
     def send_start(self, run_dir: Path, t0_ns: int) -> None:
-        """To both, each by its clock. PassingError where the board heard of it too late."""
+        """Sends the start to both nodes, each in its own clock. Raises PassingError if the board
+        received it too late."""
         assert self._node is not None and self._sidecar is not None
         assert self._sidecar.clocks is not None, "the sidecar begins first"
         self._node.send_start(t0_ns + self._sidecar.clocks.before.offset_ns)
@@ -202,7 +204,7 @@ class BoardEngine:
             raise PassingError(f"board {self._role.called} heard of the start {late_s:.1f} s late")
 
     def board_facts(self) -> BoardFacts | None:
-        """Of the board, and of its clock in the run."""
+        """Returns facts about the board, and about its clock during the run."""
         connection, sidecar = self.connection, self._sidecar
         seen = connection.seen
         return BoardFacts(
@@ -218,16 +220,16 @@ class BoardEngine:
         )
 
     def alive(self) -> bool:
-        """Whether the board is."""
+        """Returns whether the board is reachable."""
         return self._connection is not None and self._connection.alive()
 
     @property
     def address(self) -> str:
-        """Of the board."""
+        """Address of the board."""
         return self.connection.seen.own_address
 
     def close(self) -> None:
-        """Leaves the board as it was, but for image and sequences."""
+        """Restores the board, but keeps image and sequences there."""
         if self._connection is None:
             return
         if self._connection.alive():
@@ -238,7 +240,7 @@ class BoardEngine:
 
 
 def _edge_address(connection: BoardConnection) -> str:
-    """Where the board finds this machine."""
+    """Returns the address at which the board reaches this machine."""
     seen, asked = connection.seen, connection.role.edge_address
     ours = {item.address for items in psutil.net_if_addrs().values() for item in items}
     if ":" in seen.own_address or not seen.own_address:

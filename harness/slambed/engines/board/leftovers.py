@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a killed campaign left on boards: containers and the volumes of their runs.
+"""Leftovers of killed campaigns on boards: containers and the volumes of their runs.
 
-A campaign that takes a board notes it in the cache and strikes the note out when it has left
-nothing there; so who cleans this machine knows which boards to ask.
+A campaign records each board that it takes in the cache, and removes the record after it has
+cleaned up. The remaining records show which boards to clean.
 """
 
 import contextlib
@@ -26,8 +26,8 @@ FOLDER = "boards"
 
 
 def remove_left(client: docker.DockerClient, name: str) -> str:
-    """Removes them from one board; what it was, in words, empty for nothing. Safe only for who has
-    the board's lock."""
+    """Removes leftovers from one board; returns a description, empty if there were none. The
+    caller must hold the board's lock."""
     with daemon_failures(f"remove what runs left on board {name}"):
         containers = client.containers.list(all=True, filters={"label": LABEL})
         for container in containers:
@@ -42,7 +42,7 @@ def remove_left(client: docker.DockerClient, name: str) -> str:
 
 
 def note(role: RoleHost) -> None:
-    """That a campaign has this board now."""
+    """Records that a campaign uses this board."""
     path = _place(role)
     path.parent.mkdir(parents=True, exist_ok=True)
     with replacing(path) as out:
@@ -50,22 +50,22 @@ def note(role: RoleHost) -> None:
 
 
 def strike_out(role: RoleHost) -> None:
-    """Nothing is left there."""
+    """Removes the record: nothing is left on the board."""
     _place(role).unlink(missing_ok=True)
 
 
 def noted() -> Iterator[RoleHost]:
-    """Boards of campaigns that did not end by themselves."""
+    """Yields the boards of campaigns that did not end normally."""
     for path in sorted((cache_folder() / FOLDER).glob("*.json")):
         try:
             yield RoleHost.model_validate_json(path.read_bytes())
         except (OSError, ValidationError):
-            path.unlink(missing_ok=True)  # torn, or of another version
+            path.unlink(missing_ok=True)  # truncated, or of another version
 
 
 def clean_boards(notify: Callable[[str], None], but: RoleHost | None = None) -> None:
-    """Asks every noted board, `but` one that has just been looked at. One that does not answer is
-    reported, and asked again the next time."""
+    """Cleans every recorded board except `but`, which was just cleaned. An unreachable board is
+    reported and tried again next time."""
     for role in noted():
         if role == but:
             continue

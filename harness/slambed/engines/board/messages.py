@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What harness and agent on a board say to each other, as models on this side."""
+"""Messages between the harness and the agent on a board, as models of the harness side."""
 
 from typing import Literal
 
@@ -9,94 +9,94 @@ from slambed.process.line_protocol import Message
 
 
 class Look(Message):
-    """What the machine is."""
+    """Asks for facts about the machine."""
 
     request: Literal["look"] = "look"
 
 
 class Seen(Message):
-    """The answer."""
+    """Answer."""
 
     reply: Literal["seen"] = "seen"
     architecture: str
-    """As its kernel names it."""
+    """Architecture as the kernel reports it."""
     model: str
-    """Of the board, or of its CPU."""
+    """Model of the board, or of its CPU."""
     cpus: list[int]
-    """Those that a node may use."""
+    """CPUs that a node may use."""
     kernel: str
-    """Its release."""
+    """Release of its kernel."""
     python: str
-    """Its version there."""
+    """Version of its Python."""
     from_address: str
-    """Of this machine, as ssh came from it; empty: sshd does not report."""
+    """Address of this machine in the ssh connection; empty if sshd does not report it."""
     own_address: str
-    """Of the board, as ssh came to it."""
+    """Address of the board in the ssh connection."""
     tcp: dict[str, str]
-    """TCP settings of its kernel, by their names in /proc/sys."""
+    """TCP settings of its kernel, by name in /proc/sys."""
 
 
 class Lock(Message):
-    """Takes the lock by which live campaigns of that machine know each other."""
+    """Requests the lock of live campaigns on that machine."""
 
     request: Literal["lock"] = "lock"
 
 
 class Locked(Message):
-    """The answer."""
+    """Answer."""
 
     reply: Literal["locked"] = "locked"
     ours: bool
-    """False: a campaign has it."""
+    """False if another campaign holds it."""
 
 
 class Echo(Message):
-    """Datagrams shall be answered with the time."""
+    """Requests a UDP service that answers datagrams with the time."""
 
     request: Literal["echo"] = "echo"
     address: str
-    """Of the board: where to listen."""
+    """Address of the board to listen on."""
 
 
 class Echoing(Message):
-    """The answer."""
+    """Answer."""
 
     reply: Literal["echoing"] = "echoing"
     port: int
-    """UDP."""
+    """UDP port."""
 
 
 class AskClock(Message):
-    """What time it is."""
+    """Asks for the time."""
 
     request: Literal["clock"] = "clock"
 
 
 class ClockReading(Message):
-    """The answer, by CLOCK_MONOTONIC."""
+    """Answer, in CLOCK_MONOTONIC."""
 
     reply: Literal["clock"] = "clock"
     received_ns: int
-    """The question."""
+    """Time at which the request was received."""
     answered_ns: int
-    """Just before the answer."""
+    """Time immediately before the answer."""
 
 
 class WatchNode(Message):
-    """Which process is the mobile node."""
+    """Reports the process of the mobile node."""
 
     request: Literal["watch"] = "watch"
     pid: int
-    """On the board."""
+    """Process id on the board."""
     ports: list[int]
-    """Of the edge: whose connections are watched."""
+    """Ports of the edge, whose TCP connections are sampled."""
 
 
 class GrantedThere(BaseModel):
-    """Limits as the board's kernel has them."""
+    """Limits as the board's kernel reports them."""
 
     cpus: str
-    """As the kernel writes lists: `0-2,5`."""
+    """List in the kernel's format: `0-2,5`."""
     quota_cores: float | None
     """CPU seconds per second; null: no limit."""
     period_ms: float
@@ -106,63 +106,63 @@ class GrantedThere(BaseModel):
 
 
 class Watching(Message):
-    """The answer."""
+    """Answer."""
 
     reply: Literal["watching"] = "watching"
     granted: GrantedThere
-    """What the node has of the board."""
+    """The node's limits on the board."""
 
 
 class StartSampling(Message):
-    """Samples from now on."""
+    """Requests to start sampling."""
 
     request: Literal["start"] = "start"
 
 
 class Sampling(Message):
-    """The answer."""
+    """Answer."""
 
     reply: Literal["sampling"] = "sampling"
 
 
 class StopSampling(Message):
-    """No more samples."""
+    """Requests to stop sampling."""
 
     request: Literal["stop"] = "stop"
 
 
 class BoardSample(BaseModel):
-    """As `sampling.record.Sample`, by the clock of the board."""
+    """Like `sampling.record.Sample`, with times of the board's clock."""
 
     at_ns: int
     """CLOCK_MONOTONIC."""
     cpu_s: float
     """Cumulative."""
     memory_mb: float
-    """Resident, without the mapped sequence."""
+    """Resident memory, without the mapped sequence."""
     throttled_s: float
     """Cumulative."""
     throttled_periods: int
-    """As `throttled_s`."""
+    """Throttled periods, counted like `throttled_s`."""
     periods: int
-    """Of a quota, where the board's Docker sets one."""
+    """Periods of a quota, if the board's Docker sets one."""
     run_delay_s: float | None
-    """Cumulative: able to run and not running."""
+    """Cumulative time in which threads were runnable but not running."""
     cpu_pressure_s: float | None
     """Cumulative PSI "some"."""
     host_steal_s: float | None
-    """Cumulative, over all processors of the board."""
+    """Cumulative, over all CPUs of the board."""
     tcp_rtt_ms: float | None
-    """Of the connection to the edge that was acknowledged last."""
+    """RTT of the connection to the edge with the most recent ACK."""
     tcp_retransmits: int | None
-    """Of all connections to the edge."""
+    """Retransmissions of all connections to the edge."""
 
 
 class Sampled(Message):
-    """The answer: what was seen."""
+    """Answer with the samples."""
 
     reply: Literal["sampled"] = "sampled"
     samples: list[BoardSample]
     """In order of time."""
     sampler_cpu_percent: float
-    """Of one core of the board."""
+    """Percent of one core of the board."""

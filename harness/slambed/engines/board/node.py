@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The mobile node in a container of a board: its files travel through the board's Docker."""
+"""The mobile node in a container on a board: its files are transferred through the board's
+Docker."""
 
 import contextlib
 import io
@@ -27,13 +28,13 @@ from slambed.spec.system import Role
 LOOK_EVERY_S = 0.05
 BLOCK_BYTES = 1 << 20
 PUT = 'printf %s "$1" >"$0.new" && mv "$0.new" "$0"'
-"""Another process must never see half of a file."""
+"""Another process must never see an incomplete file."""
 CONFIG = "run.json"
 
 
 class BoardNode:
-    """A container of a board, from the start barrier to its end. What the node leaves there is here
-    before anybody hears of its end."""
+    """A container on a board, from the start barrier to its end. Its output files are copied to
+    this machine before its end is reported."""
 
     role: Role = "mobile"
 
@@ -45,7 +46,8 @@ class BoardNode:
         plan: NodePlan,
         ports: list[int],
     ) -> None:
-        """`volume`: of the sequence; `ports`: of the edge, whose connections are watched."""
+        """`volume`: volume with the sequence; `ports`: ports of the edge, whose connections are
+        sampled."""
         self._connection = connection
         self.namespace = netns(os.getpid())
         self._folder = plan.run_dir / self.role
@@ -103,13 +105,13 @@ class BoardNode:
         self._put(START_BARRIER, "")
 
     def send_start(self, t0_ns: int) -> None:
-        """Run time 0, on the board's CLOCK_MONOTONIC."""
+        """Sends run time 0, in the board's CLOCK_MONOTONIC."""
         self._put(f"{OUTPUT}/start.json", json.dumps({"t0_ns": t0_ns}))
 
     def _put(self, path: str, content: str) -> None:
         doing = "write a file"
         try:
-            # The folder is root's; the container's root may do no more than that.
+            # The folder belongs to root; the container's root has no further rights.
             code, output = self._container.exec_run(
                 ["/bin/sh", "-c", PUT, path, content], user="0:0"
             )
@@ -121,7 +123,7 @@ class BoardNode:
             raise KilledError(f"board {self._connection.name} could not {doing}: {words}")
 
     def exit_code(self) -> int | None:
-        """None while it runs. KilledError once the board is gone."""
+        """Returns None while it runs. Raises KilledError once the board is lost."""
         if self._code is None:
             self._connection.must_live(0.0 if self._lost is None else LAST_S)
             if self._lost is not None:
@@ -129,29 +131,27 @@ class BoardNode:
         return self._code
 
     def out_of_memory(self) -> bool:
-        """As the board's daemon saw it."""
+        """Returns the verdict of the board's daemon."""
         return self._oom
 
     def ask_to_stop(self) -> None:
-        """SIGTERM."""
         with contextlib.suppress(*DAEMON_ERRORS):
             self._container.kill("SIGTERM")
 
     def kill(self) -> None:
-        """SIGKILL, and waits for the end."""
+        """Sends SIGKILL and waits for the end."""
         if self._code is None and self._lost is None and self._connection.alive():
             with contextlib.suppress(*DAEMON_ERRORS):
                 self._container.kill("SIGKILL")
                 self._container.wait(timeout=10)
 
     def freeze(self, frozen: bool) -> None:
-        """Its processes stand still, or go on."""
+        """Freezes or continues its processes."""
         with contextlib.suppress(*DAEMON_ERRORS):
             (self._container.pause if frozen else self._container.unpause)()
 
     def remove(self) -> None:
-        """Removes container and volume; what a board that is gone keeps is removed when it is
-        back."""
+        """Removes container and volume; on a lost board they are removed when it is back."""
         if self._removed.is_set():
             return
         self._removed.set()
@@ -166,7 +166,7 @@ class BoardNode:
                 client.volumes.get(self._output).remove()
 
     def _follow(self) -> None:
-        """Beside the run, with a client of its own: until the node has ended and left its files."""
+        """Thread with its own client: waits for the node's end and copies its files."""
         try:
             client = self._connection.client()
             container = client.containers.get(self._container.id)
@@ -183,7 +183,7 @@ class BoardNode:
             self._lost = KilledError(f"board {self._connection.name}: the mobile node: {error}")
 
     def _await_ready(self, container: Any) -> None:
-        """What the node writes when it is, stands here soon after."""
+        """Copies the node's ready.json shortly after it was written."""
         path = f"{OUTPUT}/{self.role}/ready.json"
         while not self._removed.is_set():
             try:
@@ -198,7 +198,7 @@ class BoardNode:
             return
 
     def _fetch(self, container: Any) -> None:
-        """Its output folder; through a file, because logs may be large."""
+        """Copies its output folder, through a temporary file because logs may be large."""
         with tempfile.TemporaryFile() as kept:
             pieces, _ = container.get_archive(f"{OUTPUT}/{self.role}", chunk_size=BLOCK_BYTES)
             for piece in pieces:
@@ -209,7 +209,7 @@ class BoardNode:
 
 
 def _to_begin_with(run_dir: Path, role: str) -> bytes:
-    """What the node finds: its configuration, input files, and a folder that is its own."""
+    """Returns the node's initial files: configuration, input files, and a folder that it owns."""
     made = io.BytesIO()
     with tarfile.open(fileobj=made, mode="w") as archive:
         own = tarfile.TarInfo(role)

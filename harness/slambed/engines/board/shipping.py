@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a board must have before a run: the node image for its architecture, and the sequence."""
+"""What a board needs before a run: the node image for its architecture, and the sequence."""
 
 import hashlib
 import io
@@ -23,20 +23,20 @@ from slambed.files.json_file import read_object
 from slambed.native import repository_root
 
 ARCHITECTURES = {"x86_64": "amd64", "aarch64": "arm64"}
-"""As kernels name them -> as images do."""
+"""Architecture name of the kernel -> of images."""
 SEQUENCE_LABEL = f"{LABEL}.sequence"
-"""Of a volume that outlives runs: the checksum of the sequence in it."""
+"""Label of a volume that outlives runs: checksum of its sequence."""
 PLACE = "/board"
-"""Where a container has that volume."""
+"""Mount point of that volume in a container."""
 SEQUENCE = f"{PLACE}/sequence"
 VERIFIED = f"{PLACE}/verified"
-"""Written last: what is not verified is copied anew."""
+"""Written last: a volume without it is copied again."""
 CHUNK_BYTES = 1 << 20
 Notify = Callable[[str], None]
 
 
 def must_be_known(connection: BoardConnection) -> str:
-    """The board's architecture as images name it."""
+    """Returns the board's architecture as images name it."""
     found = connection.seen.architecture
     if found not in ARCHITECTURES:
         raise environment_error(
@@ -49,8 +49,8 @@ def must_be_known(connection: BoardConnection) -> str:
 def bring_image(
     connection: BoardConnection, here: docker.DockerClient | None, notify: Notify
 ) -> Any:
-    """The node image of these sources on the board: what is there, else the one of this machine's
-    Docker where both have one architecture, else built there."""
+    """Returns the node image of these sources on the board: an existing one, or else a copy of
+    this machine's image if the architectures match, or else one built on the board."""
     wanted, tag = must_be_known(connection), image_tag()
     with daemon_failures(f"look for {tag} on board {connection.name}"):
         there = _image(connection.docker, tag)
@@ -82,7 +82,7 @@ def _image(client: docker.DockerClient, tag: str) -> Any | None:
 
 def _build_there(connection: BoardConnection, tag: str) -> None:
     command = ["bash", str(repository_root() / "tools" / "build_image.sh"), tag]
-    # Its programs are the board's: they must not take the place of this machine's.
+    # Its programs are for the board: they must not replace those of this machine.
     with tempfile.TemporaryDirectory(prefix="slambed-build-") as programs:
         environment = os.environ | {"DOCKER_HOST": connection.docker_url, "SLAMBED_BUILD": programs}
         if subprocess.run(command, check=False, env=environment).returncode != 0:
@@ -92,8 +92,8 @@ def _build_there(connection: BoardConnection, tag: str) -> None:
 
 
 def bring_sequence(connection: BoardConnection, image: Any, sequence: Path, notify: Notify) -> str:
-    """The volume on the board that holds a prepared sequence, copied where it is missing, and
-    verified file by file there."""
+    """Returns the volume on the board with a prepared sequence; copies it if missing, and
+    verifies each file on the board."""
     checksum = str((read_object(sequence / "sequence.json") or {}).get("checksum", ""))
     if not checksum:
         raise SlambedError(f"{sequence} is no prepared sequence; make it with 'slambed data'")
@@ -130,7 +130,7 @@ def bring_sequence(connection: BoardConnection, image: Any, sequence: Path, noti
 
 
 def _helper(client: docker.DockerClient, image: Any, volume: str, mode: str) -> Any:
-    """A container that reports the sums of all files of the volume's sequence."""
+    """Returns a container that prints the checksums of all files of the volume's sequence."""
     program = f"cd {SEQUENCE} && find . -type f -exec sha256sum {{}} +"
     return client.containers.create(
         image.id,
@@ -162,7 +162,7 @@ def _mark_verified(client: docker.DockerClient, image: Any, volume: str, checksu
 
 
 def packed(files: dict[str, bytes]) -> bytes:
-    """A tar of these files, which anybody may read."""
+    """Returns a tar archive of these files, readable by all users."""
     made = io.BytesIO()
     with tarfile.open(fileobj=made, mode="w") as archive:
         for name, content in files.items():
@@ -173,7 +173,7 @@ def packed(files: dict[str, bytes]) -> bytes:
 
 
 def _archive(sequence: Path, files: list[Path]) -> Iterator[bytes]:
-    """The sequence as a tar, in pieces: it may be larger than memory."""
+    """Yields the sequence as a tar archive in pieces, because it may be larger than memory."""
     root = Path(SEQUENCE).name
     for path in files:
         entry = tarfile.TarInfo(f"{root}/{path.relative_to(sequence).as_posix()}")
@@ -187,7 +187,7 @@ def _archive(sequence: Path, files: list[Path]) -> Iterator[bytes]:
 
 
 def _sums(lines: Iterator[bytes]) -> dict[str, str]:
-    """File -> SHA-256, as sha256sum says it."""
+    """Parses sha256sum output: file -> SHA-256."""
     text = b"".join(lines).decode(errors="replace")
     pairs = (line.split(maxsplit=1) for line in text.splitlines())
     return {pair[1]: pair[0] for pair in pairs if len(pair) == 2}

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The sidecar of the nodes of a run on a board: the edge's as ever, the mobile node's samples from
-the agent there, and the clocks of both machines."""
+"""The sidecar of a run on a board: the usual one for the edge, the agent's samples of the mobile
+node, and the clocks of both machines."""
 
 import json
 from pathlib import Path
@@ -22,14 +22,14 @@ from slambed.spec.system import Role
 
 NS_PER_S = 1e9
 SAMPLES_S = 120.0
-"""A long run's are megabytes."""
+"""Timeout for the samples of a long run, which take megabytes."""
 
 
 class BoardSidecar:
-    """From the start barrier of the nodes to their end."""
+    """Active from the start barrier of the nodes to their end."""
 
     def __init__(self, here: Sidecar, connection: BoardConnection, run_dir: Path) -> None:
-        """`here`: what is beside the edge."""
+        """`here`: the sidecar of the edge."""
         self._here = here
         self._connection = connection
         self._samples = run_dir / "samples.jsonl"
@@ -39,18 +39,18 @@ class BoardSidecar:
         self.sampler_cpu_percent: float | None = None
 
     def start(self, t0_ns: int) -> None:
-        """Compares the clocks, then samples both nodes."""
+        """Compares the clocks, then starts sampling both nodes."""
         self._t0_ns = t0_ns
         self.clocks = Clocks(t0_ns=t0_ns, before=self._connection.compare_clocks())
         self._here.start(t0_ns)
         self._connection.ask(StartSampling(), Sampling)
 
     def follow(self, role: Role, node: Node) -> None:
-        """The edge was started again."""
+        """Switches to the restarted edge."""
         self._here.follow(role, node)
 
     def stop(self) -> Stopped:
-        """Compares the clocks again, and puts the board's samples beside the edge's."""
+        """Compares the clocks again, and appends the board's samples to the edge's."""
         if self._seen is None:
             assert self.clocks is not None
             after = self._connection.compare_clocks()
@@ -66,11 +66,12 @@ class BoardSidecar:
         return self._seen
 
     def close(self) -> None:
-        """Of the edge's; the agent's ends with the next run or its connection."""
+        """Closes the edge's sidecar; the agent's sampling ends with the next run or the
+        connection."""
         self._here.close()
 
     def _append(self, samples: list[BoardSample], clocks: Clocks) -> None:
-        """On the run clock, which the board's clock is brought to."""
+        """Appends samples with their times converted to the run clock."""
         lines, before = [], None
         for sample in samples:
             row = _row(sample, before, (clocks.here_ns(sample.at_ns) - self._t0_ns) / NS_PER_S)

@@ -1,2 +1,2 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Whether a paper's file means what it says."""
+"""Checks the files of papers."""

@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a mapping may name: systems, datasets, profiles, devices and metrics of this checkout."""
+"""The names that a mapping may use: systems, datasets, profiles, devices and metrics of this
+checkout."""
 
 from dataclasses import dataclass
 from fnmatch import fnmatchcase
@@ -22,28 +23,29 @@ DELAYS = (*PART_FIELDS, "T_Total", "T_Computed")
 
 @dataclass(frozen=True)
 class Checkout:
-    """The files of one checkout as far as papers/*/paper.yaml speak about them."""
+    """The files of one checkout that papers/*/paper.yaml refer to."""
 
     library: Library
 
     @cached_property
     def systems(self) -> dict[str, System]:
-        """By name."""
         return {name: self.library.system(name) for name in self.library.systems()}
 
     @cached_property
     def datasets(self) -> set[str]:
-        """Names of catalog/datasets/."""
+        """Returns the names in catalog/datasets/."""
         return self._stems("catalog/datasets")
 
     @cached_property
     def profiles(self) -> set[str]:
-        """Names of netem_profiles/, and those that experiments make of a constant."""
+        """Returns the names in netem_profiles/, and `rtt_0`, which experiments make from a
+        constant."""
         return self._stems("netem_profiles") | {"rtt_0"}
 
     @cached_property
     def devices(self) -> set[str]:
-        """Names of catalog/devices/ and of those that experiments derive from them."""
+        """Returns the names in catalog/devices/, and of devices that experiments derive from
+        them."""
         found = set(self.library.devices())
         for path in sorted((self.root / "experiments").glob("*.yaml")):
             content = _yaml(path)
@@ -54,23 +56,21 @@ class Checkout:
 
     @cached_property
     def keys(self) -> set[str]:
-        """Everything that a run's summary can hold."""
+        """Returns all metric keys that runs can have."""
         own = {key for system in self.systems.values() for key in system.metrics}
         return set(SUMMARY_KEYS) | own | set(SPECIAL_KEYS)
 
     @cached_property
     def fits(self) -> dict[str, list[str]]:
-        """Name of every fit -> patterns of the cells that it was fitted to."""
+        """Maps every fit to the patterns of the cells that it was fitted to."""
         found = read_fits(self.root / "catalog" / "devices" / "fits")
         return {fit.name: list(fit.patterns) for fit in found}
 
     @property
     def root(self) -> Path:
-        """Folder of the checkout."""
         return self.library.root
 
     def has_key(self, key: str) -> bool:
-        """Whether a metric can be taken from runs."""
         source, _, part = key.partition(".")
         if part and source == "delay":
             return part in DELAYS
@@ -79,14 +79,14 @@ class Checkout:
         return key in self.keys
 
     def has_param(self, column: str, systems: set[str] | None = None) -> bool:
-        """Whether `params.<name>` is a parameter of one of these systems, or of any."""
+        """Returns whether `params.<name>` is a parameter of one of these systems, or of any."""
         name = column.removeprefix("params.")
         chosen = [s for n, s in self.systems.items() if systems is None or n in systems]
         return any(name in system.params for system in chosen)
 
     def value_of(self, kind: str, name: str, key: str) -> Any:
-        """A value under a dotted path of netem_profiles/<name>.yaml or
-        catalog/datasets/<name>.yaml; None where there is none."""
+        """Returns the value at a dotted path of netem_profiles/<name>.yaml or
+        catalog/datasets/<name>.yaml; None if there is none."""
         folder = {"profile": "netem_profiles", "dataset": "catalog/datasets"}[kind]
         value: Any = _yaml(self.root / folder / f"{name}.yaml")
         for part in key.split("."):
@@ -94,7 +94,8 @@ class Checkout:
         return value
 
     def first_of(self, dataset: str) -> list[str]:
-        """The sequences of which the first that is there is played; itself where it is one."""
+        """Returns the sequences of which the first available one is played, or the dataset
+        itself."""
         chosen = _yaml(self.root / "catalog" / "datasets" / f"{dataset}.yaml").get("first_of")
         return [str(name) for name in chosen] if isinstance(chosen, list) else [dataset]
 
@@ -103,7 +104,7 @@ class Checkout:
 
 
 def fits_any(pattern: str, names: set[str]) -> bool:
-    """Whether a pattern stands for at least one name."""
+    """Returns whether a pattern matches at least one name."""
     return any(fnmatchcase(name, pattern) for name in names)
 
 

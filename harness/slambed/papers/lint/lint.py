@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Whether a paper's file means what it says: every number is mapped or says why it is not, and all
-that a mapping names is there.
+"""Checks a paper's file: every number is mapped or has a reason why not, and everything that a
+mapping names exists.
 
-A wrong mapping is worse than a missing one: it gives a verdict about something else.
+A wrong mapping is worse than a missing one, because its verdict is about something else.
 """
 
 from collections import Counter
@@ -22,16 +22,16 @@ from slambed.papers.published.paper_plan import read_plan
 from slambed.papers.published.quantities import At, Operand, Quantity, computed
 
 SET_UP = ("setup", "parameter", "background")
-"""Kinds of claims that are no results."""
+"""Kinds of claims that are not results."""
 
 
 def lint(papers: Iterable[Paper], checkout: Checkout) -> list[Problem]:
-    """Everything that is wrong with these papers, in the order of their files."""
+    """Returns all problems of these papers, in the order of their files."""
     found: list[Problem] = []
     chosen = [paper for paper in papers if paper.kind == "paper"]
     for paper in chosen:
         mistakes = lint_paper(paper, checkout)
-        # What names nothing cannot be looked up in experiments.
+        # Unresolved names cannot be looked up in experiments.
         found += mistakes or open_problems(paper, checkout)
         if (plan := read_plan(paper.id, checkout.root / "papers")) is not None:
             found += plan_problems(plan, paper, checkout)
@@ -48,7 +48,6 @@ def lint(papers: Iterable[Paper], checkout: Checkout) -> list[Problem]:
 
 
 def lint_paper(paper: Paper, checkout: Checkout) -> list[Problem]:
-    """Everything that is wrong with one paper."""
     look = _Look(paper, checkout, cells_of(paper))
     parts = (look.ids(), name_problems(paper, checkout), look.tables(), look.figures(),
              look.claims(), look.contrasts())  # fmt: skip
@@ -172,7 +171,8 @@ class _Look:
             yield Problem(where, f"quantity: no cell, claim or point {operand}")
 
     def _computed(self, claim: Claim, quantity: Quantity) -> Iterator[Problem]:
-        """What the paper's own cells give must be what it prints, or it is an erratum."""
+        """Yields a problem if the number computed from the paper's own cells differs from the
+        printed one without an erratum."""
         ours = computed(quantity, self._value)
         judged = claim.erratum.judge_as if claim.erratum else None
         numbers = [n for n in (judged, claim.recomputed, claim.value) if isinstance(n, int | float)]

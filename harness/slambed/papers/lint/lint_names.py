@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Whether all that the head of a paper's file names is in this checkout."""
+"""Checks that everything named in the head of a paper's file exists in this checkout."""
 
 from collections.abc import Iterator
 from typing import Any
@@ -11,11 +11,11 @@ from slambed.papers.published.mapping import PaperMetric, PaperSystem
 from slambed.papers.published.paper import Paper
 
 STATEMENTS = ("about", "reduction")
-"""Keys of margins that are no metrics."""
+"""Keys of margins that are not metrics."""
 
 
 def name_problems(paper: Paper, checkout: Checkout) -> Iterator[Problem]:
-    """Mistakes in systems, datasets, conditions, metrics and margins."""
+    """Yields problems in systems, datasets, conditions, metrics and margins."""
     for name, system in paper.systems.items():
         yield from _system(f"{paper.id}, systems, {name}", system, checkout)
     for name, dataset in paper.datasets.items():
@@ -65,7 +65,7 @@ def _condition(where: str, rule: Any, unbuilt: bool, checkout: Checkout) -> Iter
         return
     if "column" in rule:
         column = str(rule["column"])
-        # Systems to come will have parameters that none has yet.
+        # Systems that are not built yet may add the parameter.
         if column.startswith("params.") and not unbuilt and not checkout.has_param(column):
             yield Problem(where, f"no system has a parameter {column[7:]}")
         if not column.startswith("params.") and column not in checkout.keys:

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Whether the experiments that say they reproduce a number make runs for it, of one kind only.
+"""Checks that experiments that reproduce a number make runs for it, and of one kind only.
 
-What a paper's coordinates do not name must be constant over the runs that stand beside a number:
-reports refuse such a mixture when it is there, the lint before anything is run.
+What a paper's coordinates do not name must be constant over the runs of one number. Reports refuse
+such a mixture of runs; the lint finds it before anything runs.
 """
 
 from collections.abc import Iterator, Mapping
@@ -19,22 +19,23 @@ from slambed.spec.experiment import Experiment, SystemChoice
 from slambed.spec.system import System
 
 SHOWN = 3
-"""Differing values that a problem names."""
+"""Most differing values that a problem names."""
 
 
 @dataclass(frozen=True)
 class PlannedCell:
-    """One cell of an experiment: what all its runs have in common."""
+    """One cell of an experiment: what all its runs share."""
 
     columns: Mapping[str, Any]
     """As in summary.csv, with `params.<name>` and `playback`."""
     datasets: tuple[str, ...]
-    """The sequence, or those of which the first that is there is played."""
+    """The sequence, or those of which the first available one is played."""
     has_edge: bool
 
 
 def open_problems(paper: Paper, checkout: Checkout) -> Iterator[Problem]:
-    """Numbers that an experiment claims and makes no runs for, or runs of several kinds."""
+    """Yields numbers that an experiment reproduces without making runs for them, or with runs of
+    several kinds."""
     by_source: dict[str, list[PlannedCell]] = {}
     for name in checkout.library.experiments():
         experiment, _ = checkout.library.experiment(name)
@@ -58,7 +59,7 @@ def _of_cell(paper: Paper, cell: PublishedCell, planned: list[PlannedCell]) -> I
         return
     columns = sorted({name for item in found for name in item.columns})
     for name in columns:
-        # A path's profile does not matter to a system without an edge.
+        # The link profile does not matter to a system without an edge.
         if name == "profile" and not any(item.has_edge for item in found):
             continue
         values = sorted({str(item.columns.get(name)) for item in found})
@@ -68,7 +69,7 @@ def _of_cell(paper: Paper, cell: PublishedCell, planned: list[PlannedCell]) -> I
 
 
 def planned_cells(experiment: Experiment, checkout: Checkout) -> Iterator[PlannedCell]:
-    """All cells of an experiment, before any sequence is there."""
+    """Yields all cells of an experiment; no sequence needs to be available."""
     for choice in experiment.systems:
         system = checkout.systems[choice.system]
         variant = system.choose_variant(choice.variant)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Whether a plan fits its paper and the experiments that it names."""
+"""Checks that a plan fits its paper and its experiments."""
 
 from collections.abc import Iterator
 
@@ -12,7 +12,7 @@ from slambed.papers.published.paper_plan import PaperPlan, PlannedLater, Planned
 
 
 def plan_problems(plan: PaperPlan, paper: Paper, checkout: Checkout) -> Iterator[Problem]:
-    """Everything that is wrong with a plan."""
+    """Yields all problems of a plan."""
     where = f"papers/{paper.id}/plan.yaml"
     today = frozen_digest(paper)
     if plan.frozen != today:

@@ -1,12 +1,12 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What the lint finds."""
+"""Problems that the lint reports."""
 
 from dataclasses import dataclass
 
 
 @dataclass(frozen=True)
 class Problem:
-    """One mistake: where (an id, or a part of the file) and what."""
+    """One problem: where (an id, or a part of the file) and what."""
 
     where: str
     what: str

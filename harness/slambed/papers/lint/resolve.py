@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Whether the coordinates of a published number lead to runs of ours, before there is any run."""
+"""Checks without any run that the coordinates of a published number lead to our runs."""
 
 from collections.abc import Iterator
 from fnmatch import fnmatchcase
@@ -10,7 +10,7 @@ from slambed.papers.published.paper import Paper
 
 
 def unresolved(paper: Paper, cell: PublishedCell) -> Iterator[str]:
-    """What of its coordinates has no counterpart, one line each."""
+    """Yields a line for each coordinate without a counterpart."""
     if cell.metric not in paper.metrics:
         yield f"metric '{cell.metric}' has no number of ours: metrics, or unmappable: why?"
     if cell.system is None:
@@ -29,7 +29,7 @@ def unresolved(paper: Paper, cell: PublishedCell) -> Iterator[str]:
 
 
 def expressible(paper: Paper, system: str | None, name: str, value: Any) -> bool:
-    """Whether a condition selects runs, or is said to make no difference (`ignore`)."""
+    """Returns whether a condition selects runs, or is marked as irrelevant (`ignore`)."""
     rule = paper.conditions.get(name)
     if rule == "ignore":
         return True

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""papers/*/paper.yaml: published numbers, how they are read, and where ours are found."""
+"""papers/*/paper.yaml: published numbers, how we read them, and how to find ours."""
 
 from slambed.papers.published.base import Match, Provenance
 from slambed.papers.published.cells import PublishedCell, cells_of, table_cells

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Every place of a paper that a number of ours can stand beside, under one id."""
+"""Lists every place of a paper that a number of ours can be compared with, under one id."""
 
 from dataclasses import dataclass, field
 from typing import Any
@@ -10,7 +10,7 @@ from slambed.papers.published.paper import Paper
 from slambed.papers.published.published_tables import PublishedTable, Row, Value
 
 PER_COLUMN = "per_column"
-"""A row's metric or unit that its columns name."""
+"""Marks a row's metric or unit as given by its columns."""
 
 
 @dataclass(frozen=True)
@@ -20,32 +20,33 @@ class PublishedCell:
     id: str
     """`<table>.<row>.<column>`, `<figure>.<series>.<value>` or the claim's id."""
     source: str
-    """Table, figure or claim that it belongs to."""
+    """The table, figure or claim that it belongs to."""
     row: str
     column: str
     metric: str
     unit: str
     value: float | None
-    """As printed; None where the paper prints none, or words."""
+    """As printed; None if the paper prints no number."""
     spread: float | None = None
     resolution: float | None = None
     """The last printed digit, in the paper's unit."""
     system: str | None = None
     conditions: dict[str, Any] = field(default_factory=dict)
-    """Everything else: the dataset and what was varied, in the paper's words."""
+    """Dataset and varied conditions, in the paper's terms."""
     runs: int | None = None
-    """How many runs of the paper it is about, where that is printed."""
+    """Number of the paper's runs behind it, if printed."""
     comparability: Comparability = field(default_factory=Comparability)
     claim: Claim | None = None
 
     @property
     def coordinates(self) -> dict[str, Any]:
-        """Metric, system and conditions in one mapping."""
+        """Returns metric, system and conditions in one mapping."""
         return {**self.conditions, "system": self.system, "metric": self.metric}
 
 
 def cells_of(paper: Paper) -> dict[str, PublishedCell]:
-    """All cells, points and claims of a paper by id. Words and flags are among them, valueless."""
+    """Returns all cells, points and claims of a paper by id. Text and flags are included without a
+    value."""
     found = [cell for table in paper.tables for cell in _of_table(table)]
     found += [cell for cell in _of_figures(paper)]
     found += [_of_claim(claim) for claim in paper.claims]
@@ -53,7 +54,6 @@ def cells_of(paper: Paper) -> dict[str, PublishedCell]:
 
 
 def table_cells(paper: Paper) -> dict[str, PublishedCell]:
-    """The cells of its tables only."""
     return {cell.id: cell for table in paper.tables for cell in _of_table(table)}
 
 
@@ -139,7 +139,7 @@ def _of_claim(claim: Claim) -> PublishedCell:
 
 
 def _number(value: Value | None) -> tuple[float | None, float | None]:
-    """A printed number and its spread; nothing for words and flags."""
+    """Returns a printed number and its spread; None for text and flags."""
     if isinstance(value, bool) or value is None or isinstance(value, str):
         return None, None
     if isinstance(value, list):
@@ -148,7 +148,7 @@ def _number(value: Value | None) -> tuple[float | None, float | None]:
 
 
 def resolution_of(value: Value | None) -> float | None:
-    """The last digit of a number as it is written, 0.1 of 36.3; None of words and flags."""
+    """Returns the unit of the last printed digit, 0.1 for 36.3; None for text and flags."""
     if isinstance(value, list):
         value = value[0] if value else None
     if value is None or isinstance(value, bool | str):

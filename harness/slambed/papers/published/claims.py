@@ -17,14 +17,19 @@ BOUNDS = ("lt", "le", "gt", "ge")
 
 
 class Configured(Strict):
-    """Where our configuration has what the paper sets; exactly one of the three places."""
+    """Where our configuration has a value that the paper sets: in exactly one of a system, a
+    profile or a dataset."""
 
     system: str | None = None
+    """A system whose parameter has the value."""
     variant: str | None = None
+    """Variant of that system."""
     param: str | None = None
     """Parameter of that system (systems/<system>/system.yaml), with the variant's value."""
     profile: str | None = None
+    """A link profile whose file has the value."""
     dataset: str | None = None
+    """A dataset whose file has the value."""
     key: str | None = None
     """Dotted path in netem_profiles/<profile>.yaml or catalog/datasets/<dataset>.yaml."""
     scale: float = 1.0
@@ -46,23 +51,33 @@ class Claim(Comparability):
     """A sentence of the paper that states a number or an ordering."""
 
     id: str
+    """Name, unique in the paper."""
     kind: Literal["result", "setup", "parameter", "background", "qualitative"]
+    """What the sentence is about."""
     metric: str
+    """Key of `metrics`."""
     system: str | None
+    """Key of `systems`; null: none in particular."""
     conditions: dict[str, Any]
+    """Condition -> value, where it holds."""
     op: Operator | None
+    """How the sentence states the value: exactly, about, as a bound, as a set or as a range."""
     value: Number | str | list[Number] | None
+    """The printed value."""
     unit: str | None
+    """Its unit."""
     where: str
+    """Place in the paper."""
     lines: list[int] = Field(default_factory=list)
-    """Lines of the paper's plain text that say so."""
+    """Lines of the paper's plain text with the statement."""
     recomputed: Number | None = None
-    """The number computed from the paper's own cells."""
+    """The number recomputed from the paper's own cells."""
     quantity: Quantity | None = None
-    """What the number is, where it is computed from several cells."""
+    """What the number is, if it is computed from several cells."""
     configured: Configured | None = None
-    """Where the lint finds the same value in our configuration."""
+    """Where the lint must find the same value in our configuration."""
     note: str = ""
+    """What a reader must know."""
 
     @model_validator(mode="after")
     def _value_fits_operator(self) -> "Claim":

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What has to be known about a published number before it is judged at all."""
+"""What must be known about a published number before it is judged."""
 
 from typing import Any
 
@@ -9,13 +9,14 @@ from slambed.papers.published.base import Number, Strict
 
 
 class Erratum(Strict):
-    """The paper contradicts itself here. Exactly one of `judge_as` and `skip`."""
+    """A place where the paper contradicts itself. It takes exactly one of `judge_as` and `skip`."""
 
     why: str
+    """What contradicts what."""
     judge_as: Number | str | None = None
     """What is judged instead: a number, or the id of a cell or claim."""
     skip: bool = False
-    """Nothing can be judged."""
+    """True if nothing can be judged."""
 
     @model_validator(mode="after")
     def _one_of_them(self) -> "Erratum":
@@ -25,22 +26,24 @@ class Erratum(Strict):
 
 
 class Comparability(Strict):
-    """Said of a table, a row, one cell or a claim; what is said of the smaller part wins."""
+    """Comparability of a table, a row, one cell or a claim; the smaller part takes precedence."""
 
     unmappable: str | None = None
-    """Why no number of ours stands for it. With none, the lint wants a mapping that resolves."""
+    """Why we have no number for it. Without a reason, the lint requires a mapping that resolves."""
     parameter: str | None = None
-    """A setting or a property of the data, not a result: where our configuration has it."""
+    """Where our configuration has this value, if it is a setting or a property of the data, not a
+    result."""
     same_data: str | None = None
-    """From which printed input ours is computed, so that agreement is no evidence."""
+    """The printed input that ours is computed from, so agreement is no evidence."""
     duplicate_of: str | None = None
-    """Id of the cell or claim that is counted; this one is shown with its verdict."""
+    """Id of the cell or claim that is counted instead; this one shows its verdict."""
     erratum: Erratum | None = None
+    """Where the paper contradicts itself."""
     read_as: str | None = None
-    """How we read it where the paper leaves it open, in a sentence."""
+    """How we read it if the paper is ambiguous, in a sentence."""
 
     def over(self, outer: "Comparability") -> "Comparability":
-        """This one, and where it says nothing, what `outer` says."""
+        """Returns this one, with missing fields from `outer`."""
         output: dict[str, Any] = {name: getattr(self, name) for name in Comparability.model_fields}
         return Comparability(
             **{k: v if v is not None else getattr(outer, k) for k, v in output.items()}
@@ -48,6 +51,6 @@ class Comparability(Strict):
 
     @property
     def judged(self) -> bool:
-        """Whether a verdict of its own is due."""
+        """Returns whether it gets a verdict of its own."""
         blocked = self.unmappable or self.parameter or self.same_data or self.duplicate_of
         return not blocked and not (self.erratum and self.erratum.skip)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Orderings that a paper declares: what is judged as an ordering, and nothing else."""
+"""Declared orderings of a paper; only these are judged as orderings."""
 
 import re
 from typing import Any, Literal
@@ -15,38 +15,42 @@ ContrastKind = Literal["pair", "trend", "all_below", "blocks"]
 class Contrast(Strict):
     """An ordering between cells, declared before the runs.
 
-    pair: two cells. trend: three or more along one condition. all_below: in every chain the first
-    cell is below the second, a statement that holds only as a whole. blocks: chains of equal
-    length, one per block (a sequence, say), with the same order in each (Page's L).
+    pair: two cells. trend: three or more cells along one condition. all_below: in every chain the
+    first cell is below the second; the statement holds only as a whole. blocks: chains of equal
+    length, one per block (for example a sequence), with the same order in each (Page's L).
     """
 
     id: str
+    """Name, unique in the paper."""
     kind: ContrastKind
+    """Shape of the ordering."""
     cells: list[str] | list[list[str]] = Field(min_length=1)
     """Ids of cells, claims or points of figures: one chain, or (all_below, blocks) several.
 
-    Braces stand for several ids: within one chain in place (`T2.x.rtt{0,20}` is two cells), in a
-    list of chains for as many chains, in step where two cells have them.
+    Braces expand to several ids. In a single chain they expand in place (`T2.x.rtt{0,20}` is two
+    cells). In a list of chains they expand to as many chains, in step if several cells have braces.
     """
     direction: Direction
-    """Of the value along each chain, in the order given."""
+    """Direction of the value along each chain, in the given order."""
     where: str
+    """Place in the paper."""
     lines: list[int] = Field(default_factory=list)
-    """Lines of the paper's plain text that say so."""
+    """Lines of the paper's plain text with the statement."""
     says: str
     """The statement in one sentence, for the page."""
     basis: Literal["data", "text"] = "data"
-    """data: it enters only if the paper's own numbers show it; text: the paper says it in words or
-    draws it, with no numbers to test."""
+    """data: it counts only if the paper's own numbers show it; text: the paper describes or plots
+    it, without numbers to test."""
     main: bool = False
-    """Stands among the main claims, on top of the paper's page."""
+    """True for a main claim, shown at the top of the paper's page."""
     claims: list[str] = Field(default_factory=list)
     """Recorded claims that this ordering judges."""
     note: str = ""
+    """What a reader must know."""
 
     @property
     def chains(self) -> list[list[str]]:
-        """The cells as a list of ordered chains."""
+        """Returns the cells as a list of ordered chains."""
         return (
             [[c for c in self.cells if isinstance(c, str)]]
             if self._one
@@ -58,7 +62,7 @@ class Contrast(Strict):
         return isinstance(self.cells[0], str)
 
     def ids(self) -> list[str]:
-        """Every cell it speaks about, once each, in order."""
+        """Returns every cell of the ordering once, in order."""
         return list(dict.fromkeys(cell for chain in self.chains for cell in chain))
 
     @field_validator("cells", mode="before")
@@ -90,7 +94,7 @@ class Contrast(Strict):
 
 
 def expanded(text: str) -> list[str]:
-    """`a{b,c}d` is abd and acd; several braces vary the last one fastest."""
+    """Expands `a{b,c}d` to abd and acd; of several braces, the last one varies fastest."""
     found = re.search(r"\{([^{}]*)\}", text)
     if found is None:
         return [text]

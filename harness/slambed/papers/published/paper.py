@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""papers/<id>/paper.yaml: published numbers, and how their coordinates are found in our results."""
+"""papers/<id>/paper.yaml: published numbers, and how their coordinates map to our results."""
 
 from typing import Any, Literal
 
@@ -17,13 +17,17 @@ class Source(Strict):
     """Where the numbers were published."""
 
     title: str
+    """Title of the publication."""
     authors: list[str]
+    """In the printed order."""
     venue: str
+    """Where it was published."""
     year: int
+    """When it was published."""
 
     @property
     def published(self) -> str:
-        """Venue and year; a venue that ends with its date, as journals print it, has the year."""
+        """Returns venue and year; a journal's venue may already end with the year."""
         ends_with_it = self.venue.endswith(f" {self.year}")
         return self.venue if ends_with_it else f"{self.venue}, {self.year}"
 
@@ -32,28 +36,42 @@ class Paper(Strict):
     """One file papers/<id>/paper.yaml."""
 
     id: str
+    """Name, as of the folder."""
     kind: Literal["paper", "peer"]
+    """`paper`: a publication; `peer`: another program, measured by us."""
     paper: Source
+    """The publication, or the other program."""
     systems: dict[str, PaperSystem] = Field(default_factory=dict)
+    """Name in this file -> a system of the paper."""
     datasets: dict[str, PaperDataset] = Field(default_factory=dict)
+    """Name in this file -> a sequence of the paper."""
     conditions: dict[str, Any] = Field(default_factory=dict)
+    """Condition -> how its values are found in our runs."""
     metrics: dict[str, PaperMetric] = Field(default_factory=dict)
+    """Name in this file -> a metric of the paper."""
     margins: dict[str, Margin] = Field(default_factory=dict)
+    """Metric -> how far from the printed value still reproduces it."""
     tables: list[PublishedTable] = Field(default_factory=list)
+    """Tables with their numbers."""
     figures: list[PublishedFigure] = Field(default_factory=list)
+    """Figures of data."""
     claims: list[Claim] = Field(default_factory=list)
+    """Sentences that state a number or an ordering."""
     contrasts: list[Contrast] = Field(default_factory=list)
+    """Orderings to be judged."""
     setups: dict[str, PeerSetup] = Field(default_factory=dict)
+    """Name -> one measurement of another program; of `kind: peer`."""
 
     def names(self) -> set[str]:
-        """What an experiment may say it reproduces: the paper, its tables, figures and claims."""
+        """Returns the names that an experiment can reproduce: the paper, its tables, figures and
+        claims."""
         tables = {table.id for table in self.tables}
         figures = {figure.id for figure in self.figures}
         return {self.id} | tables | figures | {claim.id for claim in self.claims}
 
     def sources(self, names: set[str]) -> set[str]:
-        """Tables, figures and claims among `names`; a figure stands for the claims stated with it
-        too, the paper's own id for everything in it."""
+        """Returns tables, figures and claims among `names`. A figure includes the claims stated
+        with it; the paper's own id includes everything."""
         known = self.names() - {self.id}
         if self.id in names:
             return known

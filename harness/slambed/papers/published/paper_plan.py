@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""papers/<id>/plan.yaml: what a campaign will decide, written before it is run.
+"""papers/<id>/plan.yaml: what a campaign will decide, written before it runs.
 
-The plan freezes what could be bent to fit a result (contrasts, margins, mapping) by their digest,
-and its own digest goes into the report. Runs from before it are reported.
+The plan freezes by digest what could be changed to fit a result: contrasts, margins, mapping. Its
+own digest goes into the report, which also lists runs from before the plan.
 """
 
 import hashlib
@@ -23,23 +23,25 @@ from slambed.spec.run_spec import canonical_json
 from slambed.spec.system import Role
 
 WORDS = {"label", "note", "read_as", "not_built"}
-"""Texts of the mapping that may be bettered without another plan. That a system is built now is no
-other mapping: `match` has said before how its runs are found."""
+"""Texts of the mapping that may be improved without a new plan. Building a system does not change
+the mapping, because `match` already told how its runs are found."""
 DIGITS = 16
 """Hex digits of a digest: enough to distinguish plans, few enough to print."""
 
 
 class PlannedData(BaseModel):
-    """What is played where the paper has one of its sequences."""
+    """What is played for one of the paper's sequences."""
 
     model_config = STRICT
 
     dataset: str
-    """As the experiments name it."""
+    """Its name in the experiments."""
     played: str
-    """What that is where only the clone is there."""
+    """The sequence that is played if nothing beyond the repository is available."""
     stand_in: bool
+    """Whether it only stands in for the paper's sequence."""
     why: str
+    """Reason for the choice."""
 
 
 class PlannedRuns(BaseModel):
@@ -48,42 +50,46 @@ class PlannedRuns(BaseModel):
     model_config = STRICT
 
     experiment: str
+    """Name of the experiment."""
     runs: int = Field(ge=5)
-    """Per cell. Fewer than five decide nothing."""
+    """Runs per cell. Fewer than five decide nothing."""
     seed: int
+    """Seed of its runs."""
     decides: list[str]
     """Ids of contrasts."""
     power: dict[str, float] = Field(default_factory=dict)
-    """Contrast -> chance that it holds with these runs if the paper's numbers are true; for those
-    that the paper prints numbers of."""
+    """Maps a contrast to the chance that it holds with these runs if the paper's numbers are true;
+    only for contrasts with printed numbers."""
     why: str = ""
+    """Reason for the number of runs."""
 
 
 class PlannedLater(BaseModel):
-    """Contrasts that nothing of ours can show yet, declared all the same: before there is a system
-    whose results could bend them."""
+    """Contrasts that none of our systems can show yet. They are declared before a system exists
+    whose results could influence them."""
 
     model_config = STRICT
 
     decides: list[str] = Field(min_length=1)
     """Ids of contrasts."""
     runs: int = Field(ge=5)
-    """Per cell, at least."""
+    """Fewest runs per cell."""
     power: dict[str, float] = Field(default_factory=dict)
-    """As of `PlannedRuns`."""
+    """As in `PlannedRuns`."""
     waits_for: str
-    """What has to be there first."""
+    """What must exist first."""
 
 
 class ReplacedPlan(BaseModel):
-    """The plan that stood there before. Words about it, which no digest is made of."""
+    """The previous plan. It is a note and not part of the digest."""
 
     model_config = STRICT
 
     plan: str
-    """Its digest, as the runs that were made under it keep it."""
+    """Its digest, as in the manifests of its runs."""
     why: str
-    """What is another now, for the page: of these runs it is no prediction any more."""
+    """What has changed, shown on the page: for the earlier runs the new plan is not a
+    prediction."""
 
 
 class PaperPlan(BaseModel):
@@ -92,22 +98,28 @@ class PaperPlan(BaseModel):
     model_config = STRICT
 
     paper: str
+    """Folder in papers/."""
     written_utc: AwareDatetime
+    """When it was written; runs that began before are reported."""
     engine: Literal["virtual", "live"]
+    """What executes the runs."""
     devices: dict[Role, str]
+    """Role -> name of a device."""
     fits: list[str]
-    """Files of catalog/devices/fits that these devices come from."""
+    """Files in catalog/devices/fits that these devices come from."""
     frozen: str
     """Digest of contrasts, margins and mapping of the paper (`frozen_digest`)."""
     data: dict[str, PlannedData]
-    """Name in the paper -> what is played."""
+    """Maps a name in the paper to what is played."""
     runs: list[PlannedRuns] = Field(default_factory=list)
+    """Experiments, and what they decide."""
     later: list[PlannedLater] = Field(default_factory=list)
-    """What a plan with runs for them will have to take over; that one has a digest of its own."""
+    """Contrasts that wait for a system; a later plan with runs for them must adopt these, and has
+    its own digest."""
     limits: list[str] = Field(default_factory=list)
-    """What it cannot decide, and why."""
+    """What the campaign cannot decide, and why."""
     replaces: ReplacedPlan | None = None
-    """Where runs were made under another plan before this one was written."""
+    """The plan under which runs were made before this one was written."""
 
     @model_validator(mode="after")
     def _decides_something(self) -> "PaperPlan":
@@ -117,17 +129,17 @@ class PaperPlan(BaseModel):
 
     @property
     def digest(self) -> str:
-        """Names this plan in reports."""
+        """Returns the digest that identifies this plan in reports."""
         return _digest(_content_of(self, set(PaperPlan.model_fields) - {"replaces"}))
 
     def made_before(self, started_utc: datetime) -> bool:
-        """Whether a run is older than the plan, and so was perhaps known when it was written."""
+        """Returns whether a run is older than the plan, so its result may have been known."""
         return started_utc < self.written_utc
 
 
 def frozen_digest(paper: Paper) -> str:
-    """Digest of all that a verdict depends on but the runs: what is compared with what, which
-    orderings, within which margins. Words about them are left out."""
+    """Returns the digest of everything except the runs that a verdict depends on: the mapping,
+    orderings and margins. Explanatory text is left out."""
     parts = _content_of(paper, {"systems", "datasets", "conditions", "metrics", "margins"})
     shape = {"id", "kind", "cells", "direction", "basis"}
     parts["contrasts"] = [_content_of(item, shape) for item in paper.contrasts]
@@ -149,7 +161,7 @@ def frozen_digest(paper: Paper) -> str:
 
 
 def read_plan(paper: str, folder: Path | None = None) -> PaperPlan | None:
-    """The plan of a paper; None where none was written. Raises SlambedError on a wrong file."""
+    """Reads the plan of a paper; None if there is none. Raises SlambedError for an invalid file."""
     path = (folder or papers_folder()) / paper / PLAN_FILE
     if not path.exists():
         return None
@@ -160,9 +172,9 @@ def read_plan(paper: str, folder: Path | None = None) -> PaperPlan | None:
 
 
 def plans_of_today() -> dict[str, dict[str, str]]:
-    """Paper -> digests of its plan, and of what the paper's file says now (`frozen_digest`): what a
-    run of this moment is made under. A paper whose files cannot be read is left out, for a run
-    needs none; the lint reports what is wrong with it."""
+    """Maps each paper to the digests of its plan and of its current file (`frozen_digest`), for the
+    manifests of new runs. A paper with unreadable files is left out, because runs do not need it;
+    the lint reports it."""
     found: dict[str, dict[str, str]] = {}
     for name, path in paper_files().items():
         with suppress(SlambedError):
@@ -172,7 +184,8 @@ def plans_of_today() -> dict[str, dict[str, str]]:
 
 
 def _content_of(model: BaseModel, include: set[str]) -> dict[str, Any]:
-    """What a file says; a key that models get later, and no file has, changes no digest."""
+    """Returns a file's content without defaults, so that a key added to the model later changes no
+    digest."""
     return model.model_dump(mode="json", include=include, exclude_defaults=True)
 
 

@@ -15,41 +15,57 @@ class Column(Strict):
     """A column of a published table."""
 
     label: str
+    """Heading in the paper."""
     unit: str | None = None
+    """Unit, where the column has its own."""
     dims: dict[str, Any]
+    """Condition, system or metric -> value of the whole column."""
 
 
 class Row(Comparability):
     """A row; a value is a number, or [number, printed spread]."""
 
     label: str
+    """Heading in the paper."""
     metric: str
+    """Key of `metrics`."""
     unit: str
+    """Unit of its values."""
     dims: dict[str, Any]
+    """Condition or system -> value of the whole row."""
     values: dict[str, Value]
+    """Column -> printed value."""
     metrics: dict[str, str] = Field(default_factory=dict)
-    """Column -> metric, where neither row nor column alone names it."""
+    """Maps a column to the metric, if neither row nor column alone names it."""
     runs: dict[str, int] = Field(default_factory=dict)
-    """Column -> runs behind that value, where they are not those of the table."""
+    """Maps a column to the runs behind its value, if they differ from the table's."""
     spread_of: Literal["runs", "rounds"] = "runs"
-    """What the printed spread is over. The number of rounds is printed nowhere."""
+    """What the printed spread is over. The number of rounds is not printed."""
 
 
 class PublishedTable(Comparability):
     """One table of a paper; full coordinates of a value = conditions + column dims + row dims."""
 
     id: str
+    """Name, unique in the paper."""
     label: str
+    """Name in the paper."""
     where: str
+    """Place in the paper."""
     lines: list[int] = Field(default_factory=list)
-    """Lines of the paper's plain text that hold it."""
+    """Lines of the paper's plain text with the table."""
     caption: str
+    """What it shows."""
     conditions: dict[str, Any]
+    """Condition -> value of the whole table."""
     columns: dict[str, Column]
+    """Name -> a column."""
     rows: dict[str, Row]
+    """Name -> a row."""
     cells: dict[str, Comparability] = Field(default_factory=dict)
-    """`<row>.<column>` -> what is said of that cell alone."""
+    """Maps `<row>.<column>` to the comparability of that cell alone."""
     notes: list[str] = Field(default_factory=list)
+    """What a reader must know."""
 
     @model_validator(mode="after")
     def _names_agree(self) -> "PublishedTable":
@@ -63,22 +79,28 @@ class PublishedTable(Comparability):
 
 
 class Series(Strict):
-    """Points along one condition that a figure or a sentence is about, as places for contrasts.
+    """Points along one condition of a figure or a sentence, for use in contrasts.
 
-    Their ids are `<figure>.<series>.<value>`. `values` holds what the paper prints of them; a curve
-    that was never printed in numbers has none, and none are read off a picture.
+    Their ids are `<figure>.<series>.<value>`. `values` has the numbers that the paper prints; it is
+    empty for a curve without printed numbers, because none are read off a plot.
     """
 
     label: str
+    """Name of the curve in the paper."""
     metric: str
+    """Key of `metrics`."""
     system: str
+    """Key of `systems`."""
     conditions: dict[str, Any] = Field(default_factory=dict)
+    """Condition -> value of the whole curve."""
     along: str
     """The condition that varies."""
     at: list[Number | str] = Field(min_length=1)
+    """Values of that condition."""
     values: list[Number | None] = Field(default_factory=list)
+    """Printed value of each point; null: not printed."""
     unmappable: str | None = None
-    """Why no run of ours can stand for these points."""
+    """Why no run of ours corresponds to these points."""
 
     @model_validator(mode="after")
     def _as_many(self) -> "Series":
@@ -91,11 +113,16 @@ class PublishedFigure(Strict):
     """A data figure; no points were digitized."""
 
     id: str
+    """Name, unique in the paper."""
     label: str
+    """Name in the paper."""
     where: str
+    """Place in the paper."""
     shows: str
+    """What it shows, in one sentence."""
     stated: list[str]
-    """Claims that give numbers of this figure in words."""
+    """Claims that state numbers of this figure in the text."""
     series: dict[str, Series] = Field(default_factory=dict)
+    """Name -> points of one of its curves."""
     unmappable: str | None = None
     """Why nothing of it is compared."""

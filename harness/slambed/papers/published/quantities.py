@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Numbers that a paper states about several of its cells: reductions, ratios, maxima, windows."""
+"""Numbers that a paper states about several of its cells: reductions, ratios, maxima, time
+windows."""
 
 from collections.abc import Callable
 from typing import Annotated, Any, Literal
@@ -12,82 +13,100 @@ Direction = Literal["rises", "falls"]
 
 
 class At(Strict):
-    """A place without a cell of its own: a metric of a system under conditions."""
+    """Coordinates without a cell: a metric of a system under conditions."""
 
     metric: str
+    """Key of `metrics`."""
     system: str
+    """Key of `systems`."""
     conditions: dict[str, Any] = Field(default_factory=dict)
+    """Condition -> value."""
 
 
 Operand = str | At
-"""Id of a cell, a claim or a point of a figure; or the coordinates where nothing is printed."""
+"""Id of a cell, a claim or a point of a figure, or coordinates if nothing is printed there."""
 
 
 class Ratio(Strict):
     """of / base."""
 
     kind: Literal["ratio"]
+    """Names the quantity."""
     of: Operand
+    """What is divided or subtracted from."""
     base: Operand
+    """What it is compared with."""
 
     def operands(self) -> list[Operand]:
-        """What it is computed from."""
+        """Returns what it is computed from."""
         return [self.of, self.base]
 
 
 class Reduction(Ratio):
-    """1 - of / base, in percent; a gain of something that should be small."""
+    """1 - of / base, in percent, for something that should be small."""
 
     kind: Literal["reduction"]  # type: ignore[assignment]
+    """Names the quantity."""
 
 
 class Difference(Ratio):
     """of - base, in the metric's unit."""
 
     kind: Literal["difference"]  # type: ignore[assignment]
+    """Names the quantity."""
 
 
 class Increase(Ratio):
     """of / base - 1, in percent."""
 
     kind: Literal["increase"]  # type: ignore[assignment]
+    """Names the quantity."""
 
 
 class MaxOver(Strict):
-    """The largest of several: what `up to` speaks about, the paper's sequences for instance. All
-    are reductions (stated in percent), or all are differences (in the unit of the cells)."""
+    """The largest of several, as in `up to`, for example over the paper's sequences. Either all are
+    reductions (in percent), or all are differences (in the cells' unit)."""
 
     kind: Literal["max_over"]
+    """Names the quantity."""
     over: (
         Annotated[list[Reduction], Field(min_length=1)]
         | Annotated[list[Difference], Field(min_length=1)]
     )
+    """Reductions, or differences, of which the largest counts."""
 
     def operands(self) -> list[Operand]:
-        """What it is computed from."""
+        """Returns what it is computed from."""
         return [operand for part in self.over for operand in part.operands()]
 
 
 class Each(Strict):
-    """One number that is said of several cells at once, in the metric's unit."""
+    """One number that is stated for each of several cells, in the metric's unit."""
 
     kind: Literal["each"]
+    """Names the quantity."""
     of: Annotated[list[Operand], Field(min_length=2)]
+    """The cells."""
 
     def operands(self) -> list[Operand]:
-        """What it is said of."""
+        """Returns the cells that it is stated for."""
         return list(self.of)
 
 
 class WindowShare(Strict):
-    """Share of the track losses of `of`, or of its runs, with a loss that begins within a window of
-    the sequence; in percent."""
+    """Share of the track losses of `of` that begin in a time window of the sequence, or of its runs
+    with such a loss; in percent."""
 
     kind: Literal["window_share"]
+    """Names the quantity."""
     of: Operand
+    """The cell whose runs are looked at."""
     from_s: float = Field(ge=0)
+    """Sequence time at which the window begins."""
     to_s: float = Field(gt=0)
+    """Sequence time at which the window ends."""
     per: Literal["losses", "runs"] = "losses"
+    """What the share is of."""
 
     @model_validator(mode="after")
     def _window(self) -> "WindowShare":
@@ -96,26 +115,29 @@ class WindowShare(Strict):
         return self
 
     def operands(self) -> list[Operand]:
-        """What it is computed from."""
+        """Returns what it is computed from."""
         return [self.of]
 
 
 class Trend(Strict):
-    """Whether a value rises or falls along cells in the order given."""
+    """A value that rises or falls along cells in the given order."""
 
     kind: Literal["trend"]
+    """Names the quantity."""
     cells: Annotated[list[Operand], Field(min_length=3)]
+    """The cells in their order."""
     direction: Direction
+    """What the paper says of them."""
 
     def operands(self) -> list[Operand]:
-        """What it is computed from."""
+        """Returns what it is computed from."""
         return list(self.cells)
 
 
 def computed(quantity: "Quantity", value_of: Callable[[Operand], float | None]) -> float | None:
-    """The number in percent (reduction, increase), one (ratio) or the metric's unit (difference);
-    None where an operand has no value, and for what is no one function of values (each, windows,
-    trends)."""
+    """Computes the number in percent (reduction, increase), as a ratio, or in the metric's unit
+    (difference). None if an operand has no value, and for quantities that are not a function of
+    values (each, windows, trends)."""
     if isinstance(quantity, MaxOver):
         parts = [computed(part, value_of) for part in quantity.over]
         known = [part for part in parts if part is not None]

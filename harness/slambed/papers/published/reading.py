@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Reads the published numbers, papers/<id>/paper.yaml."""
+"""Reads published numbers from papers/<id>/paper.yaml."""
 
 from pathlib import Path
 
@@ -9,26 +9,26 @@ from slambed.native import repository_root
 from slambed.papers.published.paper import Paper
 
 PAPER_FILE, PLAN_FILE = "paper.yaml", "plan.yaml"
-"""Of the folder that has everything about one paper, and its id as a name."""
+"""Files in the folder of a paper, which is named by its id."""
 
 
 def papers_folder() -> Path:
-    """The papers/ of this checkout."""
     return repository_root() / "papers"
 
 
 def read_paper(path: Path) -> Paper:
-    """Raises SlambedError with file, line, key and reason when the file is not as described."""
+    """Reads one file. Raises SlambedError with file, line, key and reason if it is invalid."""
     return read_model(Paper, path)
 
 
 def paper_files() -> dict[str, Path]:
-    """Name of every paper and where its file lies."""
+    """Maps the name of every paper to its file."""
     return {path.parent.name: path for path in sorted(papers_folder().glob(f"*/{PAPER_FILE}"))}
 
 
 def read_papers(names: list[str] | None = None) -> list[Paper]:
-    """All papers, or those named; a wrong name lists the right ones."""
+    """Reads all papers, or those named. Raises SlambedError with the known names for an unknown
+    one."""
     files = paper_files()
     for name in names or []:
         if name not in files:

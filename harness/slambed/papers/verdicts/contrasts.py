@@ -1,9 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Declared orderings: does the paper show it, do ours, and is the opposite shown?
+"""Judges declared orderings: whether the paper shows it, our runs show it, or the opposite is
+shown.
 
-A contrast is declared in papers/*/paper.yaml before anything is run, never found in a table. A
-statement about several pairs holds when each of them holds (intersection-union: no adjustment); it
-is reversed when any opposite test passes after Holm's adjustment over all of them.
+A contrast is declared in papers/*/paper.yaml before anything runs, and never picked from results. A
+statement about several pairs holds if each of them holds (intersection-union: no adjustment). It is
+reversed if any opposite test passes after Holm's adjustment over all of them.
 """
 
 from collections.abc import Callable, Sequence
@@ -36,7 +37,7 @@ from slambed.papers.verdicts.trends import (
 
 ContrastKind = Literal["pair", "trend", "all_below", "blocks"]
 Ours = Share | Floats
-"""What we have at one cell: losses of runs, or the values of single runs."""
+"""Our data of one cell: runs with a loss, or the values of single runs."""
 Published = Share | Mean
 POWER_DRAWS = 2000
 POWER_SEED = 20261
@@ -44,16 +45,16 @@ POWER_SEED = 20261
 
 @dataclass(frozen=True)
 class Part:
-    """One of several pairs of a contrast, as one of so many (Holm)."""
+    """One of several pairs of a contrast, Holm-adjusted over these."""
 
     outcome: Literal["holds", "reversed", "not_shown"]
     p_value: float
-    """That ours rise; of a reversed one, that they fall."""
+    """p that ours rise; for a reversed pair, that they fall."""
 
 
 @dataclass(frozen=True)
 class Ordering:
-    """What is said of one declared contrast."""
+    """The verdict on one declared contrast."""
 
     outcome: OrderOutcome
     why: str
@@ -62,20 +63,21 @@ class Ordering:
     p_reversed: float = float("nan")
     p_paper: float = float("nan")
     power: float | None = None
-    """Chance that ours would have shown it, had it been as in the paper."""
+    """Chance that our runs would have shown it if the paper's numbers were true."""
     runs_needed: int | None = None
-    """More runs per cell that would show it, were it as in the paper; None where we have those."""
+    """Larger number of runs per cell that would show it if the paper's numbers were true; None if
+    we have enough or no number would."""
     assumed: tuple[str, ...] = ()
     decides: int | None = None
-    """The step that the outcome hangs on: the weakest, or the one that is most surely reversed."""
+    """The decisive step: the weakest, or the most clearly reversed one."""
     parts: tuple[Part, ...] = ()
-    """What each step says for itself, where there are several and all have runs enough."""
+    """The outcome of each step, if there are several and all have enough runs."""
 
 
 @dataclass(frozen=True)
 class Step:
-    """Cells whose values are said to rise in this order: two, or along a trend. `paper` is empty
-    where it prints no numbers."""
+    """Cells whose values should rise in this order: two, or along a trend. `paper` is empty without
+    printed numbers."""
 
     ours: tuple[Ours, ...]
     paper: tuple[Published, ...]
@@ -83,7 +85,7 @@ class Step:
 
     @property
     def fewest(self) -> int:
-        """Runs of the smallest cell."""
+        """Returns the runs of the smallest cell."""
         return min(_count(cell) for cell in self.ours) if self.ours else 0
 
 
@@ -92,7 +94,7 @@ def _count(cell: Ours) -> int:
 
 
 def rising(cells: Sequence[Ours]) -> float:
-    """p that ours rise: pair or trend, shares or values."""
+    """Returns the one-sided p of the test that ours rise: pair or trend, shares or values."""
     if len(cells) == 2:
         return pair_rising(cells[0], cells[1])
     shares = [c for c in cells if isinstance(c, Share)]
@@ -102,7 +104,8 @@ def rising(cells: Sequence[Ours]) -> float:
 
 
 def paper_rising(step: Step) -> tuple[float, tuple[str, ...]]:
-    """p that the paper's own numbers rise, and what had to be assumed for it."""
+    """Returns the one-sided p of the test that the paper's own numbers rise, and the
+    assumptions."""
     shares = [c for c in step.paper if isinstance(c, Share)]
     if len(shares) == len(step.paper):
         return rising(shares), ()
@@ -122,7 +125,8 @@ def paper_rising(step: Step) -> tuple[float, tuple[str, ...]]:
 
 
 USUAL_CV = 0.2
-"""Of run means in this field, where neither the paper nor we have a spread (flagged)."""
+"""Assumed coefficient of variation of run means, if neither the paper nor we have a spread
+(flagged)."""
 
 
 def _usual_spread(step: Step) -> float:
@@ -131,7 +135,7 @@ def _usual_spread(step: Step) -> float:
 
 
 def paper_shows(steps: Sequence[Step]) -> tuple[float, tuple[str, ...]]:
-    """p by the paper's own numbers, as weak as the weakest step, and what was assumed for it. The
+    """Returns p of the paper's own numbers, that of the weakest step, and the assumptions. The
     caller adjusts it over the contrasts declared on the same table (Holm)."""
     found = [paper_rising(step) for step in steps]
     assumptions = tuple(dict.fromkeys(a for _, assumed in found for a in assumed))
@@ -141,8 +145,8 @@ def paper_shows(steps: Sequence[Step]) -> tuple[float, tuple[str, ...]]:
 def judge_contrast(
     steps: Sequence[Step], p_paper: float, assumed: tuple[str, ...] = ()
 ) -> Ordering:
-    """Whether ours rise in every step. `p_paper` is the paper's own, adjusted (`paper_shows`); NaN
-    where the paper says it in words only."""
+    """Judges whether ours rise in every step. `p_paper` is the paper's own p, adjusted
+    (`paper_shows`); NaN if the paper gives no numbers."""
     base = Ordering("inconclusive", "", _formula(steps), p_paper=p_paper, assumed=assumed)
     fewest = min((step.fewest for step in steps), default=0)
     if fewest >= FEWEST_RUNS:
@@ -184,7 +188,8 @@ NO_SIZE = "the paper prints no numbers from which to compute how many runs would
 def _not_shown(
     base: Ordering, reported: str, power: float, needed: Callable[[], int | None]
 ) -> Ordering:
-    """Neither it nor its opposite: with this chance it would have shown, were the paper right."""
+    """Returns the verdict if neither it nor its opposite is shown; `power` is the chance that it
+    would have been, if the paper's numbers were true."""
     why = f"{reported}; a difference as printed would have shown in {power:.0%} of campaigns"
     base = replace(base, why=why, power=power)
     if power >= SEEN_POWER:
@@ -193,7 +198,8 @@ def _not_shown(
 
 
 def _parts(forward: Sequence[float], backward: Sequence[float]) -> tuple[Part, ...]:
-    """`k of m hold` is a count, so each p is adjusted over m; that all hold is not."""
+    """Returns the outcome of each step. `k of m hold` is a count, so each p is adjusted over m,
+    unless all hold."""
     if len(forward) < 2:
         return ()
     adjusted = forward if max(forward) <= LEVEL else list(holm(list(forward)))
@@ -212,9 +218,9 @@ def judge_blocks(
     spread: Floats | None = None,
     runs: Floats | None = None,
 ) -> Ordering:
-    """Systems in the printed order over sequences: Page's L over the rows of means, which say
-    nothing where a cell has no runs (NaN). `spread`: coefficients of variation of ours, cell by
-    cell, for the power; where it is not given, ours are taken for what they are."""
+    """Judges systems in the printed order over sequences by Page's L over rows of means;
+    inconclusive if a cell has no runs (NaN). `spread` has our coefficients of variation per cell,
+    for the power; without it, no power is computed."""
     formula = "Page's L over sequences, exact or by permutation (scipy); Kendall's tau-b described"
     p_paper = page(paper) if adjusted_p is None else adjusted_p
     if p_paper > LEVEL:
@@ -245,8 +251,8 @@ def judge_blocks(
 
 
 def blocks_power(paper: Floats, error: Floats) -> float:
-    """Chance that Page's L passes if the paper's numbers are true and ours have these standard
-    errors, as parts of them. Simulated with a fixed seed."""
+    """Returns the chance that Page's L passes if the paper's numbers are true and ours have these
+    relative standard errors. Simulated with a fixed seed."""
     generator = np.random.default_rng(POWER_SEED)
     drawn = paper * (1 + error * generator.standard_normal((POWER_DRAWS, *paper.shape)))
     ranks = stats.rankdata(drawn, axis=2)
@@ -257,9 +263,10 @@ def blocks_power(paper: Floats, error: Floats) -> float:
 
 
 def power_of(steps: Sequence[Step], counts: Sequence[Sequence[int]]) -> float:
-    """Chance that all steps pass with these runs per cell, if the paper's numbers are true.
+    """Returns the chance that all steps pass with these runs per cell, if the paper's numbers are
+    true.
 
-    Simulated with a fixed seed; the cells of different steps are drawn apart.
+    Simulated with a fixed seed; the steps are drawn independently.
     """
     generator = np.random.default_rng(POWER_SEED)
     passed = np.ones(POWER_DRAWS, dtype=bool)
@@ -289,8 +296,8 @@ RUNS_TRIED = (5, 10, 15, 20, 30, 50, 75, 100, 150, 200, 300)
 
 
 def runs_to_show(steps: Sequence[Step], wanted: float = SEEN_POWER, above: int = 0) -> int | None:
-    """Fewest runs per cell, more than `above`, with this power under the paper's numbers; None
-    above 300, or where the paper prints no numbers."""
+    """Returns the fewest runs per cell, more than `above`, with this power under the paper's
+    numbers; None above 300, or without printed numbers."""
     if not all(step.paper for step in steps):
         return None
     for runs in RUNS_TRIED:

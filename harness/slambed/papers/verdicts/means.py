@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Means (times, errors, CPU): the same within a margin, different, or undecided.
+"""Judges means (times, errors, CPU): the same within a margin, different, or undecided.
 
-A mean that is a ratio scale is judged on the logarithm of ours / paper; one that has an end
-(coverage, 0 to 100 %) on the difference in its own unit.
+A mean on a ratio scale is judged by ln(ours / paper); a bounded one (coverage, 0 to 100 %) by the
+difference in its own unit.
 """
 
 from dataclasses import dataclass, replace
@@ -25,7 +25,8 @@ from slambed.papers.verdicts.model import (
 
 Kind = Literal["ratio", "difference"]
 ENDLESS = 1e9
-"""Degrees of freedom of a normal distribution, to all printed digits."""
+"""Degrees of freedom that stand in for infinity: t equals the normal distribution to all printed
+digits."""
 FORMULAE = {
     "ratio": "ln(ours / paper), delta method, Welch's t; u / sqrt(12) for the last printed digit",
     "difference": "ours - paper, Welch's t; u / sqrt(12) for the last printed digit",
@@ -41,19 +42,19 @@ class Effect:
     df: float
 
     def interval(self, confidence: float) -> tuple[float, float]:
-        """Two-sided t interval."""
         half = self.se * quantile(0.5 + confidence / 2, self.df)
         return self.value - half, self.value + half
 
 
 def quantile(level: float, df: float) -> float:
-    """Student's t; scipy's is the normal distribution for endless degrees of freedom."""
+    """Returns the quantile of Student's t, or of the normal distribution for infinite degrees of
+    freedom."""
     return float(special.stdtrit(df, level)) if np.isfinite(df) else float(special.ndtri(level))
 
 
 def decide(effect: ArrayLike, se: ArrayLike, df: ArrayLike, bound: ArrayLike) -> tuple[Any, Any]:
-    """(reproduced, differs) of arrays: the 90 % interval inside the bounds (two one-sided tests at
-    5 %); not so, and the 95 % interval excludes zero."""
+    """Returns (reproduced, differs) for arrays. Reproduced: the 90 % interval is inside the bounds
+    (two one-sided tests at 5 %). Differs: not so, and the 95 % interval excludes zero."""
     value, error, freedom = np.asarray(effect), np.asarray(se), np.minimum(df, ENDLESS)
     half90 = error * special.stdtrit(freedom, 1 - LEVEL)
     half95 = error * special.stdtrit(freedom, 1 - LEVEL / 2)
@@ -62,12 +63,13 @@ def decide(effect: ArrayLike, se: ArrayLike, df: ArrayLike, bound: ArrayLike) ->
 
 
 def margin_bound(margin: float, kind: Kind) -> float:
-    """The margin on the axis of the effect: 20 % means ln 1.2 both ways, the same up and down."""
+    """Returns the margin on the axis of the effect: 20 % means ln 1.2 in both directions."""
     return float(np.log1p(margin)) if kind == "ratio" else margin
 
 
 def completed(paper: Mean, ours: Mean) -> tuple[Mean, tuple[str, ...]]:
-    """The published mean with what it does not print put in, and what that was."""
+    """Returns the published mean with assumed values for what is not printed, and these
+    assumptions."""
     assumed: list[str] = []
     if paper.count is None:
         paper = replace(paper, count=ASSUMED_COUNT)
@@ -79,7 +81,8 @@ def completed(paper: Mean, ours: Mean) -> tuple[Mean, tuple[str, ...]]:
 
 
 def effect_of(ours: Mean, paper: Mean, kind: Kind) -> Effect:
-    """Both means must have count and spread (`completed`); a missing spread counts as none."""
+    """Returns the effect of two means with count and spread (`completed`); a missing spread counts
+    as 0."""
     value, se, df = effects(
         ours.value,
         ours.sd or 0.0,
@@ -103,10 +106,10 @@ def effects(
     kind: Kind,
     digits: tuple[float, float] = (0.0, 0.0),
 ) -> tuple[Any, Any, Any]:
-    """(effect, standard error, degrees of freedom) of arrays of means.
+    """Returns (effect, standard error, degrees of freedom) for arrays of means.
 
-    Welch and Satterthwaite; the rounding of a printed number is known exactly, so its variance
-    u^2 / 12 has no degrees of freedom to lose.
+    Degrees of freedom are Welch-Satterthwaite's. The rounding of a printed number is known exactly,
+    so its variance u^2 / 12 costs no degrees of freedom.
     """
     a, b = np.asarray(ours, dtype=np.float64), np.asarray(paper, dtype=np.float64)
     one, two = (np.abs(a), np.abs(b)) if kind == "ratio" else (np.ones_like(a), np.ones_like(b))
@@ -122,7 +125,7 @@ def effects(
 def judge_effect(
     found: Effect, margin: float, kind: Kind, formula: str, assumed: tuple[str, ...] = ()
 ) -> Verdict:
-    """Two one-sided t tests against the margin, then a two-sided test of no effect."""
+    """Judges by two one-sided t tests against the margin, then by a two-sided test of no effect."""
     bound = margin_bound(margin, kind)
     low, high = found.interval(1 - LEVEL)
     same, differs = decide(found.value, found.se, found.df, bound)
@@ -150,7 +153,8 @@ def judge_effect(
 
 
 def judge_mean(ours: Mean, paper: Mean, margin: float, kind: Kind = "ratio") -> Verdict:
-    """Ours beside a published mean; `margin` is a part (0.2) or, for `difference`, in the unit."""
+    """Judges ours against a published mean; `margin` is a fraction (0.2) or, for `difference`, in
+    the unit."""
     if not ours.count:
         return not_run("no run")
     if kind == "ratio" and not (ours.value > 0 and paper.value > 0):
@@ -165,8 +169,8 @@ def judge_mean(ours: Mean, paper: Mean, margin: float, kind: Kind = "ratio") -> 
 
 
 def runs_to_decide(ours: Mean, paper: Mean, margin: float, kind: Kind) -> int | None:
-    """Fewest runs that decide if mean and spread of ours stay as they are; None when none do, or
-    when there is no spread yet to go by."""
+    """Returns the fewest runs that decide if our mean and spread stay the same; None if none do, or
+    without a spread."""
     if ours.sd is None or ours.count is None:
         return None
     whole, _ = completed(paper, ours)
@@ -181,8 +185,8 @@ def runs_to_decide(ours: Mean, paper: Mean, margin: float, kind: Kind) -> int | 
 def chance_to_reproduce(
     paper: Mean, cv: float, runs: int, margin: float, kind: Kind = "ratio"
 ) -> float:
-    """Chance of `reproduced` when ours is the same system with this coefficient of variation
-    (normal approximation of the effect, as the published mean leaves the true one open)."""
+    """Returns the chance of `reproduced` if ours is the same system with this coefficient of
+    variation (normal approximation, because the published mean leaves the true one open)."""
     spread = cv * abs(paper.value)
     whole, _ = completed(paper, Mean(paper.value, spread, runs))
     found = effect_of(Mean(paper.value, spread, runs), whole, kind)

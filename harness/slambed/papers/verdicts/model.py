@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What goes into a verdict and what comes out: plain values, no file, no run, no paper."""
+"""Input and output of verdicts, as plain values without files, runs or papers."""
 
 from dataclasses import dataclass
 from typing import Literal, Self
@@ -10,26 +10,27 @@ from numpy.typing import ArrayLike, NDArray
 Floats = NDArray[np.float64]
 
 Outcome = Literal["reproduced", "differs", "inconclusive", "not_run"]
-"""What is said of a published number."""
+"""Verdict on a published number."""
 OrderOutcome = Literal[
     "holds", "reversed", "not_seen", "too_few_runs", "inconclusive", "not_shown_by_paper"
 ]
-"""What is said of a published ordering. One that ours do not show is `not_seen` where it would have
-shown (`SEEN_POWER`), `too_few_runs` where it might not have, and `inconclusive` where the paper
-prints nothing to report that by."""
+"""Verdict on a published ordering. If our runs do not show it: `not_seen` if they would have
+(`SEEN_POWER`), `too_few_runs` if they might not have, `inconclusive` if the paper prints no numbers
+to compute that."""
 Scale = Literal["points", "ratio", "difference"]
-"""Effects: difference of shares, log ratio of means, difference of means in their unit."""
+"""Effect scales: difference of shares, log ratio of means, difference of means in their unit."""
 
 FEWEST_RUNS = 5
-"""Below this nothing is decided, whatever the interval: one odd run would be a fifth of it."""
+"""Below this nothing is decided, whatever the interval: a single outlier would be over a fifth of
+the runs."""
 MOST_RUNS = 300
-"""What a campaign can be asked for per cell; margins that want more leave a cell to orderings."""
+"""Most runs per cell of a campaign; a cell whose margin needs more is judged by its orderings."""
 ASSUMED_COUNT = 5
-"""Runs behind a published mean that does not say how many (flagged)."""
+"""Assumed runs behind a published mean without a printed number of runs (flagged)."""
 SEEN_POWER = 0.9
-"""Chance to see an ordering as the paper prints it, from which on not to see it says something."""
+"""Power from which on it is informative that an ordering of the printed size is not seen."""
 LEVEL = 0.05
-"""Of every test: one-sided for equivalence and orderings, two-sided for a difference."""
+"""Level of every test: one-sided for equivalence and orderings, two-sided for a difference."""
 
 
 @dataclass(frozen=True)
@@ -41,13 +42,13 @@ class Share:
 
     @property
     def value(self) -> float:
-        """0 to 1; NaN of no runs."""
+        """Returns the share, 0 to 1; NaN without runs."""
         return self.bad / self.runs if self.runs else float("nan")
 
 
 @dataclass(frozen=True)
 class Mean:
-    """A mean as printed or measured; what is None was not printed.
+    """A mean as printed or measured; a None was not printed.
 
     `digit` is the last printed digit (0.1 of 36.3), 0 for a measured mean.
     """
@@ -59,7 +60,7 @@ class Mean:
 
     @classmethod
     def of(cls, values: ArrayLike) -> Self:
-        """Mean and sample standard deviation of measured values."""
+        """Returns mean and sample standard deviation of measured values."""
         array = np.asarray(values, dtype=np.float64)
         if not len(array):
             return cls(float("nan"), None, 0)
@@ -68,7 +69,7 @@ class Mean:
 
     @property
     def cv(self) -> float | None:
-        """Coefficient of variation, where mean and spread are there."""
+        """Returns the coefficient of variation; None without a spread or with a mean of 0."""
         if self.sd is None or self.value == 0:
             return None
         return abs(self.sd / self.value)
@@ -91,23 +92,23 @@ class Verdict:
     high: float = float("nan")
     margin: float = float("nan")
     runs_needed: int | None = None
-    """Runs per cell that would decide if what was seen so far is true; None: no number would."""
+    """Runs per cell that would decide if the results so far are true; None if no number would."""
     assumed: tuple[str, ...] = ()
-    """What the paper does not print and was put in for it."""
+    """Values that the paper does not print and that were assumed."""
 
     @property
     def bound(self) -> float:
-        """The margin as it is on the axis of the effect."""
+        """Returns the margin on the axis of the effect."""
         return float(np.log1p(self.margin)) if self.scale == "ratio" else self.margin
 
 
 def not_run(why: str) -> Verdict:
-    """Nothing to judge."""
+    """Returns the verdict without anything to judge."""
     return Verdict("not_run", why)
 
 
 def too_few(runs: int, scale: Scale, needed: int | None) -> Verdict:
-    """One to four runs: never decided."""
+    """Returns the verdict for one to four runs, which never decide."""
     return Verdict(
         "inconclusive",
         f"{runs} {'run is' if runs == 1 else 'runs are'} too few, {FEWEST_RUNS} are the least",
@@ -117,4 +118,4 @@ def too_few(runs: int, scale: Scale, needed: int | None) -> Verdict:
 
 
 RUN_COUNTS = (5, 10, 15, 20, 30, 40, 50, 75, 100, 150, 200, 300, 500, 750, 1000, 2000)
-"""Numbers of runs that are offered as an answer to `how many would decide`."""
+"""Candidate numbers of runs for `runs_needed`."""

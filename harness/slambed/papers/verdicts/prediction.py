@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""How well runs of ours predict published cells that no fit has seen.
+"""Scores how well our runs predict published cells outside every fit.
 
-The only evidence that a fitted model can earn: what it says of numbers it was not shown.
+Predictions of numbers that were not fitted are the only evidence for a fitted model.
 """
 
 from collections.abc import Sequence
@@ -19,7 +19,7 @@ BINS = 10
 
 
 def share_position(ours: Share, paper: Share) -> float:
-    """Where the published count lies among what ours predicts (mid-p), 0 to 1.
+    """Returns the quantile of the published count in our prediction (mid-p), 0 to 1.
 
     The prediction is BetaBinomial(n_paper, k + 1/2, n - k + 1/2), Jeffreys' prior.
     """
@@ -29,7 +29,6 @@ def share_position(ours: Share, paper: Share) -> float:
 def share_positions(
     ours_bad: ArrayLike, ours_runs: ArrayLike, paper_bad: ArrayLike, paper_runs: ArrayLike
 ) -> Floats:
-    """`share_position` of arrays."""
     law, x = _law(ours_bad, ours_runs, paper_runs), np.asarray(paper_bad)
     return np.asarray(law.cdf(x) - 0.5 * law.pmf(x))
 
@@ -37,7 +36,7 @@ def share_positions(
 def share_log_likelihood(
     ours_bad: ArrayLike, ours_runs: ArrayLike, paper_bad: ArrayLike, paper_runs: ArrayLike
 ) -> Floats:
-    """Logarithm of the chance that such a prediction gives just the published count."""
+    """Returns the log probability of the published count under this prediction."""
     return np.asarray(_law(ours_bad, ours_runs, paper_runs).logpmf(np.asarray(paper_bad)))
 
 
@@ -47,8 +46,8 @@ def _law(ours_bad: ArrayLike, ours_runs: ArrayLike, paper_runs: ArrayLike) -> An
 
 
 def mean_position(ours: Mean, paper: Mean) -> float | None:
-    """The same for a mean, by a t predictive with factor sqrt(1/n_ours + 1/n_paper); None without
-    a spread. The paper's n must be there (`means.completed`)."""
+    """Returns the quantile of a published mean in our t prediction with factor sqrt(1/n_ours +
+    1/n_paper); None without a spread. The paper's n is required (`means.completed`)."""
     if (spread := mean_spread(ours, paper)) is None or not ours.count:
         return None
     if spread == 0:
@@ -57,7 +56,7 @@ def mean_position(ours: Mean, paper: Mean) -> float | None:
 
 
 def mean_spread(ours: Mean, paper: Mean) -> float | None:
-    """Standard deviation of what ours predicts of a published mean; None where it is not known."""
+    """Returns the standard deviation of our prediction of a published mean; None if unknown."""
     if ours.sd is None or not ours.count or not paper.count:
         return None
     variance = ours.sd**2 * (1 / ours.count + 1 / paper.count) + paper.digit**2 / 12
@@ -65,13 +64,13 @@ def mean_spread(ours: Mean, paper: Mean) -> float | None:
 
 
 def inside(position: float) -> bool:
-    """Inside the central 95 %."""
+    """Returns whether a quantile is in the central 95 %."""
     tail = (1 - EXPECTED) / 2
     return tail <= position <= 1 - tail
 
 
 def enough(runs: int) -> bool:
-    """Whether a cell of ours may predict anything."""
+    """Returns whether a cell has enough runs to predict."""
     return runs >= FEWEST_RUNS
 
 
@@ -82,12 +81,11 @@ class Score:
     inside: int
     cells: int
     p_value: float
-    """Of so few or fewer inside, if every interval were right (binomial)."""
+    """p of this few or fewer inside, if every interval is right (binomial)."""
     histogram: tuple[int, ...]
-    """Positions in ten equal bins: flat if spread and level are right."""
+    """Quantiles in ten equal bins: flat if spread and level are right."""
 
     def line(self) -> str:
-        """In one line."""
         if not self.cells:
             return "no published cell could be predicted out of sample"
         return (
@@ -97,7 +95,7 @@ class Score:
 
 
 def score(positions: Sequence[float]) -> Score:
-    """Counts the cells inside; cells are taken as independent."""
+    """Scores quantiles; cells are assumed independent."""
     count = sum(inside(p) for p in positions)
     total = len(positions)
     p_value = float(stats.binomtest(count, total, EXPECTED, "less").pvalue) if total else 1.0

@@ -1,7 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""How often the rules err: the table of docs/metrics.md, made by `slambed papers rates`.
+"""Error rates of the rules: the tables of docs/logbook/2026-11-22-error-rates-of-verdicts.md,
+printed by `slambed papers rates`.
 
-Rates of shares are exact sums over both binomials, the others are simulated with a fixed seed.
+Rates of shares are exact sums over both binomials; the others are simulated with a fixed seed.
 """
 
 from dataclasses import dataclass
@@ -25,12 +26,12 @@ PAPER_SHARES = (0.0, 0.03, 0.36, 0.73, 1.0)
 RUNS = (10, 30, 100, 300)
 CONVENTIONAL = (0.78, 0.79, 0.82, 0.92, 1.0)
 ENHANCED = (0.0, 0.02, 0.10, 0.48, 0.73)
-"""DynNetSLAM, Table 2: the rates at which powers of orderings are reported."""
+"""DynNetSLAM, Table 2: the loss rates for which powers of orderings are computed."""
 
 
 @dataclass(frozen=True)
 class Rate:
-    """One simulated chance, and how large it may be (or must be at least)."""
+    """One simulated chance, and the limit that it must meet."""
 
     what: str
     at: str
@@ -39,19 +40,19 @@ class Rate:
 
 
 def share_same(paper: float, runs: int) -> tuple[float, float]:
-    """P(reproduced), P(differs) when the true shares are equal."""
+    """Returns P(reproduced), P(differs) if the true shares are equal."""
     return rate(paper, paper, runs, PAPER_RUNS)
 
 
 def share_off(paper: float, runs: int) -> float:
-    """Larger P(reproduced) of the two truths that are off by the margin of this cell."""
+    """Returns the larger P(reproduced) of the two true shares that are off by the margin."""
     margin = margin_of(Share(round(paper * PAPER_RUNS), PAPER_RUNS))
     off = [p for p in (paper - margin, paper + margin) if 0 <= p <= 1]
     return max(rate(p, paper, runs, PAPER_RUNS, lambda _: margin)[0] for p in off)
 
 
 def mean_same(ratio: float, runs: int, paper_runs: int, cv: float, margin: float) -> float:
-    """P(reproduced) of normal means whose true ratio is this."""
+    """Returns P(reproduced) of normal means with this true ratio."""
     generator = np.random.default_rng(SEED)
     a = generator.normal(ratio, cv * ratio, (DRAWS, runs))
     b = generator.normal(1.0, cv, (DRAWS, paper_runs))
@@ -62,7 +63,7 @@ def mean_same(ratio: float, runs: int, paper_runs: int, cv: float, margin: float
 
 
 def reduction_same(true: float, stated: float, runs: int, cv: float) -> float:
-    """P(reproduced) of a stated reduction; the statement has no spread of its own."""
+    """Returns P(reproduced) of a stated reduction; the statement has no spread of its own."""
     generator = np.random.default_rng(SEED)
     before = generator.normal(1.0, cv, (DRAWS, runs))
     after = generator.normal(1 - true, cv * (1 - true), (DRAWS, runs))
@@ -80,14 +81,14 @@ def reduction_same(true: float, stated: float, runs: int, cv: float) -> float:
 
 
 def trend_rate(true: tuple[float, ...], runs: int) -> float:
-    """P(a trend of shares passes) for these true shares."""
+    """Returns P(a trend of shares passes) for these true shares."""
     generator = np.random.default_rng(SEED)
     bad = generator.binomial(runs, true, (MANY_DRAWS, len(true)))
     return float((cochran_armitage(bad, np.full_like(bad, runs)) <= LEVEL).mean())
 
 
 def values_trend_rate(means: tuple[float, ...], runs: int, draws: int = 1000) -> float:
-    """P(a trend of values passes): Jonckheere-Terpstra, spread one."""
+    """Returns P(a trend of values passes): Jonckheere-Terpstra, standard deviation 1."""
     generator = np.random.default_rng(SEED)
     found = [
         jonckheere([generator.normal(m, 1.0, runs) for m in means]) <= LEVEL for _ in range(draws)
@@ -96,7 +97,7 @@ def values_trend_rate(means: tuple[float, ...], runs: int, draws: int = 1000) ->
 
 
 def conjunction_rate(low: tuple[float, ...], high: tuple[float, ...], runs: int) -> float:
-    """P(every pair passes Fisher's test at 5 %): an intersection-union test."""
+    """Returns P(every pair passes Fisher's test at 5 %): an intersection-union test."""
     generator = np.random.default_rng(SEED)
     a = generator.binomial(runs, low, (DRAWS, len(low)))
     b = generator.binomial(runs, high, (DRAWS, len(high)))
@@ -104,7 +105,7 @@ def conjunction_rate(low: tuple[float, ...], high: tuple[float, ...], runs: int)
 
 
 def reversal_rate(low: tuple[float, ...], high: tuple[float, ...], runs: int) -> float:
-    """P(any opposite test passes after Holm) when pairs are in truth as given."""
+    """Returns P(any opposite test passes after Holm) for these true shares."""
     generator = np.random.default_rng(SEED)
     a = generator.binomial(runs, low, (DRAWS, len(low)))
     b = generator.binomial(runs, high, (DRAWS, len(high)))
@@ -112,7 +113,8 @@ def reversal_rate(low: tuple[float, ...], high: tuple[float, ...], runs: int) ->
 
 
 def prediction_cover(true: float, runs: int) -> float:
-    """P(published count inside our 95 % prediction interval) for one and the same true share."""
+    """Returns P(published count inside our 95 % prediction interval) if both have the same true
+    share."""
     generator = np.random.default_rng(SEED)
     ours = generator.binomial(runs, true, DRAWS)
     paper = generator.binomial(PAPER_RUNS, true, DRAWS)
@@ -121,7 +123,7 @@ def prediction_cover(true: float, runs: int) -> float:
 
 
 def prediction_cover_overall(runs: int) -> float:
-    """The same over true shares that are all equally likely."""
+    """Returns `prediction_cover` averaged over uniformly distributed true shares."""
     generator = np.random.default_rng(SEED)
     true = generator.uniform(0, 1, DRAWS)
     positions = share_positions(
@@ -131,7 +133,8 @@ def prediction_cover_overall(runs: int) -> float:
 
 
 def mean_prediction_cover(runs: int, paper_runs: int) -> float:
-    """P(published mean inside) for normal values with one true mean."""
+    """Returns P(published mean inside our 95 % prediction interval) for normal values with the same
+    true mean."""
     generator = np.random.default_rng(SEED)
     a = generator.normal(1, 0.2, (DRAWS, runs))
     b = generator.normal(1, 0.2, (DRAWS, paper_runs)).mean(1)
@@ -140,7 +143,8 @@ def mean_prediction_cover(runs: int, paper_runs: int) -> float:
 
 
 def one_contrast(low: float, high: float, runs: int, draws: int = 500) -> dict[str, float]:
-    """Shares of the outcomes of a declared pair that the paper shows, for true shares of ours."""
+    """Returns the share of each outcome of a declared pair that the paper shows, for these true
+    shares of ours."""
     generator = np.random.default_rng(SEED)
     paper = (Share(0, PAPER_RUNS), Share(50, PAPER_RUNS))
     found: dict[str, float] = {}
@@ -152,7 +156,7 @@ def one_contrast(low: float, high: float, runs: int, draws: int = 500) -> dict[s
 
 
 def rates() -> list[Rate]:
-    """All rates but those of shares, in the order of the rules."""
+    """Returns all rates except those of shares, in the order of the rules."""
     found: list[Rate] = []
     for runs, paper_runs in ((20, 20), (20, 5), (100, 100)):
         at = f"spread 20 %, ours of {runs}, paper's of {paper_runs}, margin 20 %"
@@ -234,7 +238,6 @@ def rates() -> list[Rate]:
 
 
 def rates_markdown() -> str:
-    """The tables as they stand in docs/metrics.md."""
     lines = [
         "| share in the paper (of 100), margin | runs of ours | off by the margin: reproduced (at "
         "most 0.06) | equal: reproduced | equal: differs (at most 0.06) |",

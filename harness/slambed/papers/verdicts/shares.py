@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Shares (runs with a track loss): the same within a margin, different, or undecided."""
+"""Judges shares (runs with a track loss): the same within a margin, different, or undecided."""
 
 from collections.abc import Callable
 from dataclasses import replace
@@ -28,7 +28,7 @@ FORMULA = "Newcombe's hybrid score interval of ours - paper (1998, method 10), W
 
 
 def margin_of(paper: Share) -> float:
-    """15 points; 10 where the paper prints at most 5 or at least 95 %."""
+    """Returns 15 points, or 10 if the paper prints at most 5 or at least 95 %."""
     near = min(paper.value, 1 - paper.value) <= NEAR_THE_END
     return MARGIN_AT_THE_ENDS if near else MARGIN
 
@@ -40,8 +40,9 @@ def decide(
     paper_runs: ArrayLike,
     margin: ArrayLike,
 ) -> tuple[Any, Any]:
-    """(reproduced, differs) of arrays of counts: 90 % interval inside the margins (two one-sided
-    tests at 5 %); not so, and the 95 % interval excludes zero."""
+    """Returns (reproduced, differs) for arrays of counts. Reproduced: the 90 % interval is inside
+    the margins (two one-sided tests at 5 %). Differs: not so, and the 95 % interval excludes
+    zero."""
     bound = np.asarray(margin)
     low90, high90 = newcombe(ours_bad, ours_runs, paper_bad, paper_runs, 1 - 2 * LEVEL)
     low95, high95 = newcombe(ours_bad, ours_runs, paper_bad, paper_runs, 1 - LEVEL)
@@ -51,7 +52,7 @@ def decide(
 
 
 def judge_share(ours: Share, paper: Share, margin: float | None = None) -> Verdict:
-    """Ours beside a published share of known runs; `margin` in parts of one."""
+    """Judges ours against a published share of known runs; `margin` is a fraction."""
     if ours.runs == 0:
         return not_run("no run")
     bound = margin_of(paper) if margin is None else margin
@@ -81,7 +82,7 @@ def judge_share(ours: Share, paper: Share, margin: float | None = None) -> Verdi
 
 
 def runs_to_decide(ours: Share, paper: Share, margin: float) -> int | None:
-    """Fewest runs of ours that decide if our share stays as it is; None when none do."""
+    """Returns the fewest runs of ours that decide if our share stays the same; None if none do."""
     for runs in RUN_COUNTS:
         if runs > ours.runs:
             bad = round(ours.value * runs)
@@ -91,8 +92,8 @@ def runs_to_decide(ours: Share, paper: Share, margin: float) -> int | None:
 
 
 def chance_to_reproduce(paper: Share, runs: int, margin: float | None = None) -> float:
-    """Chance of `reproduced` when ours is the same system: our count is beta-binomial, as the
-    published count leaves the true share open."""
+    """Returns the chance of `reproduced` if ours is the same system. Our count is beta-binomial,
+    because the published count leaves the true share open."""
     bound = margin_of(paper) if margin is None else margin
     k = np.arange(runs + 1)
     same, _ = decide(k, runs, paper.bad, paper.runs, bound)
@@ -107,7 +108,7 @@ def rate(
     paper_runs: int,
     margin: Callable[[Share], float] = margin_of,
 ) -> tuple[float, float]:
-    """Exact P(reproduced) and P(differs) for true shares, both counts binomial."""
+    """Returns exact P(reproduced) and P(differs) for true shares, with both counts binomial."""
     k, m = np.arange(ours_runs + 1), np.arange(paper_runs + 1)
     bounds = np.array([margin(Share(int(bad), paper_runs)) for bad in m])
     same, differs = decide(k[:, None], ours_runs, m[None, :], paper_runs, bounds[None, :])
@@ -116,6 +117,6 @@ def rate(
 
 
 def can_be_shown(paper: Share, margin: float) -> bool:
-    """Whether the most runs that can be asked for would reproduce an equal share."""
+    """Returns whether MOST_RUNS runs would reproduce an equal share."""
     same, _ = decide(round(paper.value * MOST_RUNS), MOST_RUNS, paper.bad, paper.runs, margin)
     return bool(same)

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Sentences with a number in them: reductions, `up to`, `about`, more or less than, sets, ranges,
-and times in a sequence. Each has a rule of its own; none is a bound that any small value meets."""
+"""Judges statements with a number: reductions, `up to`, `about`, more or less than, sets, ranges,
+and times in a sequence. Each has its own rule; none is a bound that any small value meets."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -24,15 +24,16 @@ from slambed.papers.verdicts.model import (
 )
 
 REDUCTION_MARGIN = 1 / 3
-"""Of what is left: 94.2 % less is reproduced by 92.3 to 95.7 % less."""
+"""Margin of what is left: 94.2 % less is reproduced by 92.3 to 95.7 % less."""
 ABOUT_MARGIN = 0.25
 MOSTLY = 0.5
-"""`At about 22 s` says that most losses are there."""
+"""`At about 22 s` means that most losses are there."""
 
 
 @dataclass(frozen=True)
 class Pair:
-    """Two means of ours, before and after; `correlation` where the runs are paired by seed."""
+    """Two means of ours, before and after, with their `correlation` if the runs are paired by
+    seed."""
 
     before: Mean
     after: Mean
@@ -40,16 +41,15 @@ class Pair:
 
     @property
     def fewest(self) -> int:
-        """Runs of the smaller side."""
+        """Returns the runs of the smaller side."""
         return min(self.before.count or 0, self.after.count or 0)
 
     @property
     def reduction(self) -> float:
-        """1 - after / before."""
         return 1 - self.after.value / self.before.value
 
     def left(self) -> Effect:
-        """ln(after / before) with its standard error (delta method)."""
+        """Returns ln(after / before) with its standard error (delta method)."""
         found = effect_of(self.after, self.before, "ratio")
         if not self.correlation or not self.before.cv or not self.after.cv:
             return found
@@ -59,7 +59,7 @@ class Pair:
 
 
 def pair_by_seed(before: Sequence[float], after: Sequence[float]) -> Pair:
-    """Runs in the same order of seeds; equally many on both sides."""
+    """Pairs runs in the same order of seeds, equally many on both sides."""
     first, second = np.asarray(before, dtype=np.float64), np.asarray(after, dtype=np.float64)
     constant = len(first) < 3 or first.std() == 0 or second.std() == 0
     shared = 0.0 if constant else float(np.corrcoef(first, second)[0, 1])
@@ -69,7 +69,8 @@ def pair_by_seed(before: Sequence[float], after: Sequence[float]) -> Pair:
 def judge_reduction(
     ours: Pair, stated: float, digit: float = 0.0, margin: float = REDUCTION_MARGIN
 ) -> Verdict:
-    """`x % less` (stated and digit as parts of one): what is left over is compared as a ratio."""
+    """Judges `x % less` (`stated` and `digit` are fractions): what is left is compared as a
+    ratio."""
     if ours.fewest == 0:
         return not_run("no run")
     if ours.fewest < FEWEST_RUNS:
@@ -88,13 +89,13 @@ def judge_reduction(
 
 
 def reduction_shown(ours: Pair) -> bool:
-    """Whether there is less at all (one-sided, 5 %)."""
+    """Returns whether there is any reduction (one-sided, 5 %)."""
     left = ours.left()
     return left.value + left.se * stats.t.ppf(1 - LEVEL, left.df) < 0
 
 
 def difference(ours: Pair, scale: float = 1.0) -> Effect:
-    """After - before (Welch), times `scale`."""
+    """Returns after - before (Welch), times `scale`."""
     one, two = ours.after, ours.before
     value, se, df = effects(
         one.value,
@@ -115,7 +116,7 @@ def judge_difference(
     scale: float = 1.0,
     margin: float = REDUCTION_MARGIN,
 ) -> Verdict:
-    """`x points more`: the difference of ours, within a part of what is stated."""
+    """Judges `x points more`: our difference must be within a fraction of the stated one."""
     if ours.fewest == 0:
         return not_run("no run")
     if ours.fewest < FEWEST_RUNS:
@@ -135,10 +136,11 @@ def judge_up_to(
     digit: float = 0.0,
     margin: float = REDUCTION_MARGIN,
 ) -> Verdict:
-    """`Up to x % less`, the largest of the paper's sequences being `at`.
+    """Judges `up to x % less`, where `at` is the paper's sequence with the largest reduction.
 
-    Reproduced when (i) the reduction there is equivalent to x and (ii) no sequence's reduction is
-    above x by more than the margin (one-sided, Holm). A smaller effect everywhere differs.
+    Reproduced if (i) the reduction there is equivalent to x and (ii) no sequence's reduction
+    exceeds x by more than the margin (one-sided, Holm). If one does, or if the effect there is
+    smaller, it differs.
     """
     if at not in ours:
         return not_run(f"no run on {at}, where the paper has its maximum")
@@ -159,7 +161,7 @@ def judge_up_to_more(
     scale: float = 1.0,
     margin: float = REDUCTION_MARGIN,
 ) -> Verdict:
-    """`Up to x points more`, by the same rule on differences; x is above zero."""
+    """Judges `up to x points more` by the same rule on differences; x is above zero."""
     if at not in ours:
         return not_run(f"no run on {at}, where the paper has its maximum")
     there = judge_difference(ours[at], stated, digit, scale, margin)
@@ -175,7 +177,8 @@ def judge_up_to_more(
 def _largest(
     there: Verdict, above: Mapping[str, float], smaller: bool, everywhere: bool
 ) -> Verdict:
-    """What is said of a maximum: `above` has every sequence's p that it is no larger."""
+    """Returns the verdict on a maximum; `above` has the p of each sequence that its effect is no
+    larger."""
     adjusted = dict(zip(above, holm(list(above.values())), strict=True)) if above else {}
     larger = [name for name, p in adjusted.items() if p <= LEVEL]
     if larger:
@@ -188,20 +191,21 @@ def _largest(
 
 
 def _below(found: Effect, bound: float) -> float:
-    """p of the hypothesis that the effect is at or above the bound."""
+    """Returns p of the hypothesis that the effect is at or above the bound."""
     if found.se == 0:
         return 0.0 if found.value < bound else 1.0
     return float(stats.t.cdf((found.value - bound) / found.se, found.df))
 
 
 def judge_about(ours: Mean, stated: Mean) -> Verdict:
-    """`About x`: equivalence with a margin of 25 %; the stated number has no spread of its own."""
+    """Judges `about x` by equivalence with a margin of 25 %; the stated number has no spread of its
+    own."""
     exact = replace(stated, sd=0.0, count=stated.count or 1)
     return judge_mean(ours, exact, ABOUT_MARGIN)
 
 
 def judge_bound(ours: Mean | Share, op: Literal["lt", "le", "gt", "ge"], limit: float) -> Verdict:
-    """`More than`, `less than`: our one-sided 95 % limit is on the stated side, or on the other."""
+    """Judges `more than` and `less than` by the side on which our one-sided 95 % limits are."""
     below = op in ("lt", "le")
     count = ours.runs if isinstance(ours, Share) else ours.count or 0
     scale: Scale = "points" if isinstance(ours, Share) else "difference"
@@ -230,7 +234,7 @@ def judge_bound(ours: Mean | Share, op: Literal["lt", "le", "gt", "ge"], limit: 
 
 
 def judge_range(ours: Mean | Share, low: float, high: float) -> Verdict:
-    """`From a to b`: inside by both one-sided 95 % limits, or outside by one of them."""
+    """Judges `from a to b`: inside by both one-sided 95 % limits, or outside by one of them."""
     above, below = judge_bound(ours, "ge", low), judge_bound(ours, "le", high)
     for found in (above, below):
         if found.outcome in ("differs", "not_run"):
@@ -241,7 +245,7 @@ def judge_range(ours: Mean | Share, low: float, high: float) -> Verdict:
 
 
 def judge_set(ours: Sequence[Mean | None], stated: Sequence[Mean], margin: float) -> Verdict:
-    """`a and b`, each of its own condition: every element must be matched by ours at its place."""
+    """Judges `a and b`, each of its own condition: ours must match every element at its place."""
     found = [
         not_run(f"no run for {s.value:g}")
         if o is None
@@ -260,9 +264,9 @@ def judge_set(ours: Sequence[Mean | None], stated: Sequence[Mean], margin: float
 
 
 def judge_window(inside: int, losses: int, time_share: float) -> Verdict:
-    """`At 22 s`: most losses lie in the window and more of them than its share of the time.
+    """Judges `at 22 s`: most losses are in the window, and more than its share of the time.
 
-    `time_share` is the window's part of the time in which a loss could have happened.
+    `time_share` is the window's fraction of the time in which a loss could have happened.
     """
     if losses == 0:
         return not_run("nothing was lost, so nothing was lost at a time")
@@ -290,7 +294,7 @@ def judge_window(inside: int, losses: int, time_share: float) -> Verdict:
 
 
 def _limits(ours: Mean | Share) -> tuple[float, float]:
-    """One-sided 95 % limits, both."""
+    """Returns both one-sided 95 % limits."""
     if isinstance(ours, Share):
         low, high = wilson_limits(ours.bad, ours.runs, stats.norm.ppf(1 - LEVEL))
         return float(low), float(high)

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """One-sided tests of an ordering: two groups, a trend along groups, systems over sequences.
 
-Every function asks whether values *rise* in the given order and returns that p-value; for a fall
+Every function tests whether values *rise* in the given order and returns that p value; for a fall,
 reverse the order. Fisher, Mann-Whitney and Page are scipy's.
 """
 
@@ -16,22 +16,23 @@ from scipy.special import gammaln
 from slambed.papers.verdicts.model import Floats, Mean, Share
 
 EXACT_BELOW = 5
-"""Fewer losses (or fewer runs without one) than this in all groups: exact, not normal."""
+"""With fewer losses (or runs without one) than this in total, the test is exact."""
 EXACT_UP_TO = 60
-"""So few runs in all: exact too. Five groups of five, half of them lost: 6.1 % instead of 5 %."""
+"""Up to this many runs in total, the test is exact too: for five groups of five with half of them
+lost, the normal approximation errs in 6.1 % instead of 5 %."""
 
 
 def fisher_rising(
     low: ArrayLike, low_runs: ArrayLike, high: ArrayLike, high_runs: ArrayLike
 ) -> Any:
-    """Fisher's exact test that the second share is larger, for arrays of counts."""
+    """Returns p of Fisher's exact test that the second share is larger, for arrays of counts."""
     k, n = np.asarray(high), np.asarray(high_runs)
     bad, total = k + np.asarray(low), n + np.asarray(low_runs)
     return stats.hypergeom.sf(k - 1, total, bad, n)
 
 
 def pair_rising(low: Share | Floats, high: Share | Floats) -> float:
-    """Shares by Fisher's exact test, values by Mann-Whitney."""
+    """Tests shares by Fisher's exact test, values by Mann-Whitney."""
     if isinstance(low, Share) and isinstance(high, Share):
         return float(fisher_rising(low.bad, low.runs, high.bad, high.runs))
     first, second = np.asarray(low), np.asarray(high)
@@ -41,9 +42,10 @@ def pair_rising(low: Share | Floats, high: Share | Floats) -> float:
 
 
 def means_rising(means: Sequence[Mean]) -> float:
-    """Linear contrast of means with Welch's degrees of freedom; for two means Welch's t test.
+    """Tests a linear contrast of means with Welch's degrees of freedom; for two means, Welch's t
+    test.
 
-    For numbers whose single runs nobody printed; every mean has count and spread.
+    It is for published means without single runs; every mean has count and spread.
     """
     weight = np.arange(len(means)) - (len(means) - 1) / 2
     parts = np.array([(m.sd or 0.0) ** 2 / max(m.count or 1, 1) for m in means])
@@ -59,9 +61,9 @@ def means_rising(means: Sequence[Mean]) -> float:
 
 
 def cochran_armitage(bad: ArrayLike, runs: ArrayLike) -> Any:
-    """p that shares rise along the last axis with equal steps (normal approximation).
+    """Returns p that shares rise along the last axis with equal steps (normal approximation).
 
-    Cochran (1954), Armitage (1955). Where nothing or everything was lost it is 1.
+    Cochran (1954), Armitage (1955). p is 1 if no run or every run was lost.
     """
     k, n = np.asarray(bad, dtype=np.float64), np.asarray(runs, dtype=np.float64)
     step = np.arange(k.shape[-1], dtype=np.float64)
@@ -75,7 +77,8 @@ def cochran_armitage(bad: ArrayLike, runs: ArrayLike) -> Any:
 
 
 def shares_rising(shares: Sequence[Share]) -> float:
-    """Cochran-Armitage; the exact conditional test where losses (or their absence) are rare."""
+    """Tests by Cochran-Armitage, or by the exact conditional test if runs, losses or their absence
+    are few."""
     bad, runs = np.array([s.bad for s in shares]), np.array([s.runs for s in shares])
     lost, kept = int(bad.sum()), int((runs - bad).sum())
     if min(lost, kept) >= EXACT_BELOW and runs.sum() > EXACT_UP_TO:
@@ -88,7 +91,7 @@ def shares_rising(shares: Sequence[Share]) -> float:
 
 
 def _exact_trend(bad: Any, runs: Any) -> float:
-    """P(sum of step * losses at least as large), given how many were lost in all."""
+    """Returns P(sum of step * losses at least as large), given the total number of losses."""
     lost = int(bad.sum())
     seen = int((np.arange(len(bad)) * bad).sum())
     ways = {(0, 0): 1.0}
@@ -108,7 +111,8 @@ def _log_choose(n: int, k: int) -> float:
 
 
 def jonckheere(groups: Sequence[Floats]) -> float:
-    """Jonckheere-Terpstra: p that values rise from group to group (normal, corrected for ties).
+    """Returns p of Jonckheere-Terpstra that values rise from group to group (normal, corrected for
+    ties).
 
     Jonckheere (1954); variance with ties as in Hollander and Wolfe (1999), 6.19.
     """
@@ -143,7 +147,8 @@ def jonckheere(groups: Sequence[Floats]) -> float:
 
 
 def page(blocks: ArrayLike) -> float:
-    """Page's L: p that the columns rise in their order within the rows (sequences x systems)."""
+    """Returns p of Page's L that the columns rise in order within the rows (sequences x
+    systems)."""
     table = np.asarray(blocks, dtype=np.float64)
     if table.shape[0] < 2 or table.shape[1] < 3:
         return 1.0

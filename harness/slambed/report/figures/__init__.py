@@ -1,2 +1,2 @@
 # SPDX-License-Identifier: Apache-2.0
-"""One file per family of figures; each draws from a Results and saves through a FigureWriter."""
+"""Figures, one file per family; each draws from Results and saves with a FigureWriter."""

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""One metric over all cells: boxes with every run as a point, or shares with Wilson intervals."""
+"""Draws one metric over all cells: boxes with runs as points, or shares with Wilson intervals."""
 
 import numpy as np
 import pandas as pd
@@ -24,7 +24,7 @@ MOST_POINTS = 60
 
 
 def draw_metric(results: Results, cells: list[Cell], metric: Metric, writer: FigureWriter) -> None:
-    """Cells from top to bottom; color and marker show the system."""
+    """Draws the cells from top to bottom; color and marker show the system."""
     if metric.kind == "share":
         _draw_shares(results, cells, metric, writer)
         return
@@ -51,7 +51,7 @@ def draw_metric(results: Results, cells: list[Cell], metric: Metric, writer: Fig
         where = _finish_cells(axis, shown)
         axis.set_xlabel(metric.heading)
         everything = np.concatenate(drawn)
-        # A cost that looks half as long shall be half as large.
+        # A cost that looks half as long must be half as large.
         from_zero = metric.better != "lower" or from_zero_if_it_shows(axis, everything)
         axis.margins(x=0.06)
         if axis.get_xlim()[1] > metric.largest_shown:
@@ -68,7 +68,7 @@ def draw_metric(results: Results, cells: list[Cell], metric: Metric, writer: Fig
 
 
 def _caption(counts: set[int], from_zero: bool, left_out: int) -> str:
-    """What the marks mean; `counts`: how many runs the cells have."""
+    """Returns what the marks mean; `counts` has the numbers of runs of the cells."""
     parts = {
         "Box: quartiles and median; whiskers: smallest and largest run; points: runs.": (
             max(counts) > 1
@@ -110,7 +110,7 @@ def _draw_box(axis: Axes, place: int, values: Floats, index: int, rng: np.random
 
 
 def _draw_one(axis: Axes, place: int, value: float, metric: Metric, index: int) -> None:
-    """One run has no quartiles: its number stands beside its mark, inside the axes."""
+    """Draws a single run, which has no quartiles, as a mark with its number."""
     axis.plot(value, place, marker(index), color=color(index), markersize=6, clip_on=False)
     axis.annotate(
         metric.show(value / metric.scale),
@@ -173,7 +173,7 @@ def _height(cells: int) -> float:
 
 
 def _finish_cells(axis: Axes, shown: list[Cell]) -> str:
-    """Names the cells; what all of them share comes back for the title."""
+    """Names the cells; returns what all of them share, for the title."""
     places = {(cell.dataset, cell.profile) for cell in shown}
     one = len(places) == 1 and len({cell.label for cell in shown}) == len(shown)
     axis.set_yticks(range(len(shown)), [cell.label if one else short(cell) for cell in shown])
@@ -183,7 +183,7 @@ def _finish_cells(axis: Axes, shown: list[Cell]) -> str:
 
 
 def short(cell: Cell) -> str:
-    """A cell name on two lines when it is long."""
+    """Returns a cell name, on two lines if it is long."""
     where = f"{cell.dataset}, {cell.profile}"
     return (
         f"{cell.label}\n{where}" if len(cell.label) + len(where) > 24 else f"{cell.label}, {where}"

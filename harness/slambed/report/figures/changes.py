@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What each system changes against the first one, with intervals: an ablation in one picture."""
+"""Draws the change of each system against the first one, with intervals: an ablation in one
+figure."""
 
 import pandas as pd
 from matplotlib.axes import Axes
@@ -8,14 +9,14 @@ from slambed.report.differences import Difference
 from slambed.report.style import FigureWriter, color, figure, file_name, legend_beneath, marker
 
 ROW_IN = 0.34
-"""Height of a system, and of every link beyond the first half of it."""
+"""Height of a system's row; it grows by half of this per link beyond two."""
 BESIDE = 0.7
-"""Of a row: what the links of a system share."""
+"""Fraction of a row that the links of a system share."""
 
 
 def draw_changes(found: list[Difference], dataset: str, writer: FigureWriter) -> None:
-    """One row per system, one mark per link: the change of a metric against the baseline, left of
-    zero where there is less of it. All of one metric and dataset."""
+    """Draws one row per system and one mark per link: the change of a metric against the baseline,
+    negative to the left of zero. All differences have one metric and dataset."""
     first = found[0]
     name = file_name("changes", dataset, first.metric.key)
     title = f"{first.metric.title}: change against {first.baseline}, {dataset}"

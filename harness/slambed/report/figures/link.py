@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Asked, set and measured round-trip time of one run, and how long its messages were under way."""
+"""Draws requested, applied and measured round-trip time of one run, and the one-way times of its
+messages."""
 
 import pandas as pd
 
@@ -15,7 +16,7 @@ MESSAGES = {"up": "#009E73", "down": "#CC79A7"}
 
 
 def draw_rtt(results: Results, condition: Condition, writer: FigureWriter) -> None:
-    """The run with the median RTT error among those with a link."""
+    """Draws the run with the median RTT error among those with a link."""
     runs = condition.runs[condition.runs["link_backend"].notna()]
     key = typical_run(runs, "rtt_error_ms_median")
     link = results.table(key, "link") if key else None
@@ -65,7 +66,7 @@ def draw_rtt(results: Results, condition: Condition, writer: FigureWriter) -> No
             axis.plot(asked["t_s"], asked["value"], color=ASKED, linestyle="--", label="asked")
         axis.set_xlabel("time [s]")
         axis.set_ylabel("round-trip time [ms]")
-        # A single late probe must not flatten the picture.
+        # A quantile is used, so that a single late probe does not flatten the plot.
         shown = (asked["value"], probe["value"], messages["value"])
         tops = [part.quantile(0.998) for part in shown if len(part)]
         axis.set_ylim(0, max(1.0, 1.1 * max(float(top) for top in tops)))
@@ -95,7 +96,7 @@ def draw_rtt(results: Results, condition: Condition, writer: FigureWriter) -> No
 
 
 def _one_way(results: Results, key: str) -> pd.DataFrame:
-    """How long each message that arrived was under way, by direction and time of sending."""
+    """Returns the one-way time of each message that arrived, by direction and time of sending."""
     log = results.events(key, ("message",))
     arrived = [
         (e["sent_ns"] / 1e9, (e["received_ns"] - e["sent_ns"]) / 1e6, str(e.get("direction")))
@@ -106,7 +107,7 @@ def _one_way(results: Results, key: str) -> pd.DataFrame:
 
 
 def _source(row: pd.Series, probe: pd.DataFrame) -> str:
-    """Where the curves come from; only a link of real packets can be measured."""
+    """Returns the origin of the curves; only a link of real packets can be measured."""
     if row["link_backend"] == VIRTUAL:
         return "Asked by the profile and set in the modeled link, which needs no measurement"
     if row["link_backend"] == NETWORK:
@@ -117,7 +118,7 @@ def _source(row: pd.Series, probe: pd.DataFrame) -> str:
 
 
 def _both_ways(link: pd.DataFrame) -> pd.DataFrame:
-    """Up plus down delay at every moment one of them was set."""
+    """Returns up plus down delay at each time at which the up delay was set."""
     up, down = series(link, "applied_up_ms"), series(link, "applied_down_ms")
     if up.empty or down.empty:
         return pd.DataFrame({"t_s": [], "value": []})

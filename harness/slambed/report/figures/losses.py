@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Cumulative track losses over time, the latency profile beneath (DynNetSLAM, Figs. 9, 12)."""
+"""Draws cumulative track losses over time with the latency profile below (DynNetSLAM, Figs. 9,
+12)."""
 
 import numpy as np
 import pandas as pd
@@ -14,7 +15,7 @@ from slambed.report.style import FigureWriter, color, dash, figure, file_name, l
 
 
 def draw_losses(results: Results, condition: Condition, writer: FigureWriter) -> None:
-    """One curve per system: how many runs have lost track at least once by that time."""
+    """Draws one curve per system: how many runs have lost track at least once by that time."""
     name = file_name("losses", condition.dataset, condition.profile)
     title = f"Track losses over time: {condition.title}"
     if not _any_loss(condition.runs):
@@ -55,7 +56,8 @@ def draw_losses(results: Results, condition: Condition, writer: FigureWriter) ->
 def draw_losses_by_profile(
     results: Results, label: str, dataset: str, runs: pd.DataFrame, writer: FigureWriter
 ) -> None:
-    """One system, one curve per profile: how much latency it bears (DynNetSLAM, Fig. 9)."""
+    """Draws one curve per profile for one system: how much latency it tolerates (DynNetSLAM, Fig.
+    9)."""
     name = file_name("losses_by_profile", dataset, label)
     title = f"Track losses by link profile: {label}, {dataset}"
     if not _any_loss(runs):
@@ -84,7 +86,8 @@ def draw_losses_by_profile(
 
 
 def asked_profile(results: Results, runs: pd.DataFrame) -> pd.DataFrame | None:
-    """The RTT that the profile asks for over playback, from any run that had a link."""
+    """Returns the RTT that the profile requests over playback, from one of the first runs with a
+    link."""
     for key in runs.loc[runs["link_backend"].notna(), "run_key"].head(3):
         link = results.table(str(key), "link")
         if link is None:

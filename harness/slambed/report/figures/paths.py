@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Estimated over true path, seen along the axis in which the camera moved least."""
+"""Draws estimated paths over the ground truth, projected along the axis with the least motion."""
 
 import numpy as np
 import pandas as pd
@@ -23,11 +23,11 @@ from slambed.report.style import (
 
 MOST_POINTS = 800
 GAP_S = 0.5
-"""A line is broken where the estimate has no pose for longer than this: the camera was lost."""
+"""A line has a gap if there is no pose for longer than this, because tracking was lost."""
 
 
 def draw_paths(results: Results, condition: Condition, writer: FigureWriter) -> None:
-    """The run with the median error of each system, aligned, over the ground truth."""
+    """Draws the median-ATE run of each system, aligned, over the ground truth."""
     truth = results.groundtruth(condition.dataset)
     shown: list[tuple[str, str, Trajectory, float | None]] = []
     kinds: list[str] = []
@@ -85,7 +85,7 @@ def draw_paths(results: Results, condition: Condition, writer: FigureWriter) -> 
 
 
 def widest_axes(positions_m: NDArray[np.float64]) -> tuple[int, int]:
-    """The two axes of the largest extent, in order x y z."""
+    """Returns the two axes of the largest extent, in order x y z."""
     spread = np.ptp(positions_m, axis=0)
     first, second = sorted(np.argsort(-spread, kind="stable")[:2].tolist())
     return first, second
@@ -94,9 +94,9 @@ def widest_axes(positions_m: NDArray[np.float64]) -> tuple[int, int]:
 def broken_line(
     path: Trajectory, across: int, up: int
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Coordinates with NaN where poses are missing."""
+    """Returns the coordinates with NaN where poses are missing."""
     path = thinned(path)
-    # A thinned path has longer steps: judge gaps by what is usual in it.
+    # A thinned path has longer steps, so the limit for gaps depends on its median step.
     steps = np.diff(path.stamps_s)
     limit = max(GAP_S, 5 * float(np.median(steps))) if len(steps) else GAP_S
     gaps = np.flatnonzero(steps > limit) + 1
@@ -106,7 +106,7 @@ def broken_line(
 
 
 def thinned(path: Trajectory) -> Trajectory:
-    """At most MOST_POINTS poses: more cannot be seen."""
+    """Reduces a path to at most MOST_POINTS poses; more are not visible."""
     if len(path) <= MOST_POINTS:
         return path
     return path.take(np.linspace(0, len(path) - 1, MOST_POINTS).astype(np.intp))

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""CPU and memory of both nodes over time, mean over runs with the range of the runs."""
+"""Draws CPU and memory of both nodes over time: the mean over runs with their range."""
 
 from dataclasses import dataclass
 
@@ -11,12 +11,12 @@ from slambed.report.load import Results
 from slambed.report.style import FigureWriter, color, dash, figure, file_name, legend_beneath
 
 BIN_S = 1.0
-"""Samples come at 10 Hz; a second smooths the quota period away."""
+"""Samples come at 10 Hz; a bin of 1 s averages over quota periods."""
 
 
 @dataclass(frozen=True)
 class Quantity:
-    """A column of the samples as a figure shows it."""
+    """A column of the samples in a figure."""
 
     column: str
     name: str
@@ -31,7 +31,7 @@ MEMORY = Quantity("memory_mb", "memory", "Memory", "MB")
 def draw_over_time(
     results: Results, condition: Condition, quantity: Quantity, writer: FigureWriter
 ) -> None:
-    """One panel per node, one line per system."""
+    """Draws one panel per node, with one line per system."""
     parts: list[pd.DataFrame] = []
     for label, runs in condition.systems():
         for key in some_runs(runs):

@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Where the time of a cell goes: stage times per node, and the parts of a map update round."""
+"""Draws where the time of a cell goes: stage times per node, and the parts of a map update
+round."""
 
 from collections import defaultdict
 
@@ -21,7 +22,7 @@ from slambed.report.style import (
 )
 
 RUNS_READ = 5
-"""Event logs are large: this many runs per cell are enough for stage means."""
+"""Runs read per system: event logs are large, and this many are enough for stage means."""
 HATCHES = ("", "//", "..", "xx", "\\\\", "--", "++")
 
 
@@ -31,12 +32,12 @@ STAGE_EVENTS = (
 
 
 def event_log(results: Results, run_key: str) -> EventLog | None:
-    """The events of a stored run that stage figures need."""
+    """Returns the events of a stored run that stage figures need."""
     return results.events(run_key, STAGE_EVENTS)
 
 
 def draw_stages(results: Results, condition: Condition, writer: FigureWriter) -> None:
-    """Wall time of every stage per unit of work, one bar per system."""
+    """Draws the wall time of every stage per unit of work, one bar per system."""
     rows: list[dict[str, object]] = []
     delay_rows: list[dict[str, object]] = []
     for label, runs in condition.systems():
@@ -116,7 +117,7 @@ STAGES = (
     "triangulate", "fuse", "bundle", "cull_keyframes", "prepare_update", "apply_update",
     "insert_keyframes", "update_reference", "update_last_frame", "clean_map", "relocalize",
 )  # fmt: skip
-"""In the order in which a frame meets them."""
+"""Stages in the order in which a frame passes them."""
 
 
 def _place(stage: str) -> int:
@@ -127,7 +128,7 @@ ORDER = ("T_Track", "T_M->E", "T_RKF", "T_LM", "T_PLMU", "T_E->M", "T_MU")
 
 
 def _delay_bars(table: pd.DataFrame, condition: Condition, writer: FigureWriter) -> None:
-    """The round of a map update as one stacked bar per system (DynNetSLAM, Table 1)."""
+    """Draws the map update round as one stacked bar per system (DynNetSLAM, Table 1)."""
     totals = table[table["part"] == "T_Total"].set_index("label")["mean_ms"]
     labels = [label for label in dict.fromkeys(table["label"]) if label in totals.index]
     table = table[table["label"].isin(labels)]

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a parameter of a strategy costs and achieves: two axes over its values, as CloudSLAM's
-Figure 11 has them."""
+"""Draws what a strategy's parameter costs and achieves: two axes over its values, as in CloudSLAM's
+Figure 11."""
 
 from collections.abc import Iterator
 
@@ -18,7 +18,7 @@ LEFT, RIGHT = "reference_rmse_m", "link_mbit_s"
 
 
 def sweeps(results: Results) -> Iterator[tuple[str, str, str, str, pd.DataFrame]]:
-    """(system, variant, dataset, parameter, runs) wherever one number alone is varied."""
+    """Yields (system, variant, dataset, parameter, runs) wherever only one number is varied."""
     keys = ["system", "variant", "dataset", "profile"]
     for (system, variant, dataset, _), runs in results.valid_runs.groupby(keys, sort=False):
         columns = [c for c in runs if str(c).startswith("params.") and runs[c].nunique() > 1]
@@ -37,7 +37,8 @@ def draw_sweep(
     runs: pd.DataFrame,
     writer: FigureWriter,
 ) -> bool:
-    """Medians with intervals, error to the reference left and data rate right; False without."""
+    """Draws medians with intervals, error to the reference left and data rate right; returns False
+    if there are too few."""
     left, right = metric(LEFT), metric(RIGHT)
     curves = {item.key: _curve(runs, column, item) for item in (left, right)}
     if not all(len(curve) >= LEAST_VALUES for curve in curves.values()):

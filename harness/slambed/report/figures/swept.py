@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The experiment's own metrics over what was swept: a line per system and per value of what else
-was varied, all else being equal."""
+"""Draws the experiment's metrics over a swept value: a line per system and per combination of the
+other varied values."""
 
 import re
 import textwrap
@@ -35,30 +35,30 @@ from slambed.spec.library import Library
 
 PARAMS, RTT = "params.", "link.rtt_ms"
 LEAST_VALUES = 3
-"""Two points are a comparison, not a curve."""
+"""Fewest values: two points are a comparison, not a curve."""
 MOST_LINES = 5
-"""In one pair of axes; more become small multiples."""
+"""Most lines in one pair of axes; more become small multiples."""
 MOST_METRICS, MOST_PANELS = 6, 12
 METRICS_APART = 4
-"""Of small multiples, which have a figure per metric."""
+"""Most metrics with small multiples, which have a figure per metric."""
 COLUMNS = 2
 PANEL_IN, AROUND_IN = 1.75, 0.7
 MOST_TICKS = 16
 LETTER = 0.021
-"""Of the width of one of one column: a digit of a tick's name."""
+"""Width of a tick label's character, as a fraction of the width of one column."""
 LOG_FROM = 20.0
-"""Ratio of the largest to the smallest value from which the axis is logarithmic."""
+"""Ratio of largest to smallest value from which on the axis is logarithmic."""
 MANY_RUNS = 20
-"""At a value: their points are lighter still."""
+"""Runs per value above which their points are lighter."""
 BESIDE = 0.012
-"""Of the axis' width: so far beside each other stand the runs of two lines."""
+"""Offset between the runs of two lines, as a fraction of the axis."""
 WRAPPED_AT = 28
 QUARTILES = (0.25, 0.5, 0.75)
 
 
 @dataclass(frozen=True)
 class Axis:
-    """What was swept: a parameter, or the round-trip time that the link adds."""
+    """The swept value: a parameter, or the round-trip time that the link adds."""
 
     key: str
     name: str
@@ -67,21 +67,21 @@ class Axis:
 
 @dataclass(frozen=True)
 class Line:
-    """Runs that differ in nothing but the swept value (and their seeds)."""
+    """Runs that differ only in the swept value (and their seeds)."""
 
     system: str
-    """Its label without the values of what was varied."""
+    """The label without the varied values."""
     point: str
-    """What else was varied, and is the same in all of them: `n_orb 500, rtt_40`."""
+    """The other varied values, which all its runs share: `n_orb 500, rtt_40`."""
     dataset: str
     runs: pd.DataFrame
     values: pd.Series
-    """Of each run."""
+    """The swept value of each run."""
 
 
 @dataclass(frozen=True)
 class Swept:
-    """Everything that is shown over one axis on one dataset."""
+    """All lines over one axis on one dataset."""
 
     axis: Axis
     dataset: str
@@ -89,13 +89,13 @@ class Swept:
 
     @property
     def runs(self) -> pd.DataFrame:
-        """Those of all lines."""
         return pd.concat([line.runs for line in self.lines])
 
 
 @dataclass(frozen=True)
 class Panel:
-    """One pair of axes: a metric of some lines, each with its place among all of a figure."""
+    """One pair of axes: a metric of some lines, each with its index among all lines of the
+    figure."""
 
     title: str
     item: Metric
@@ -103,8 +103,8 @@ class Panel:
 
 
 def swept(results: Results) -> Iterator[Swept]:
-    """Per axis of at least three numbers and per dataset, what is equal but for it. Not where a
-    strategy's parameter has the figure of its own (figures/sweep.py)."""
+    """Yields the lines per axis of at least LEAST_VALUES numbers and per dataset. A strategy's
+    parameter with its own figure (figures/sweep.py) is left out."""
     runs = results.valid_runs
     parameters = [
         str(name)
@@ -138,14 +138,14 @@ def _has_both(runs: pd.DataFrame) -> bool:
 
 
 def _numbers(column: pd.Series) -> pd.Series:
-    """NaN where there is no number; true and false are none."""
+    """Returns the numbers of a column; NaN for others, including true and false."""
     flags = column.map(lambda value: isinstance(value, bool))
     return pd.to_numeric(column.mask(flags), errors="coerce").astype(float)
 
 
 def _rtt_ms(profiles: pd.Series) -> pd.Series:
-    """Of links that do nothing but add a constant: `rtt_40`, as a grid and the files call them;
-    where there are such, `none` adds nothing."""
+    """Returns the RTT of links that only add a constant, named `rtt_40` by grids and files; if
+    there are any, `none` counts as 0."""
     found = profiles.map(text).str.extract(r"^rtt_(\d+(?:\.\d+)?)$")[0].astype(float)
     return found.mask(profiles.eq("none"), 0.0) if found.notna().any() else found
 
@@ -153,7 +153,7 @@ def _rtt_ms(profiles: pd.Series) -> pd.Series:
 def _lines(
     runs: pd.DataFrame, values: pd.Series, key: str, parameters: list[str]
 ) -> Iterator[Line]:
-    """Groups of runs in which this alone has several values."""
+    """Yields groups of runs in which only this key has several values."""
     leaf = key.rpartition(".")[2]
     own = values.loc[runs.index]
     names = [
@@ -162,7 +162,7 @@ def _lines(
     ]
     fixed = ["system", "variant", "device_mobile", "device_edge", "dataset", "engine", "pace"]
     fixed += [] if key == RTT else ["profile"]
-    # Links without an edge are those of the other runs; what a system has no word for is equal.
+    # Missing values become empty text, so that parameters that a system lacks count as equal.
     by = [runs[name].map(text) for name in (*fixed, *(p for p in parameters if p != key))]
     by.append(pd.Series(names, index=runs.index))
     others = [p for p in parameters if p != key and _is_varied(runs, p)]
@@ -185,7 +185,7 @@ def _lines(
 
 
 def _is_varied(runs: pd.DataFrame, parameter: str) -> bool:
-    """Whether one system has several values of it."""
+    """Returns whether one system has several values of it."""
     return bool(runs.groupby(["system", "variant"])[parameter].nunique().gt(1).any())
 
 
@@ -195,8 +195,8 @@ def _word(value: object) -> str:
 
 
 def _without(label: str, leaf: str, value: object) -> str:
-    """A label without the point of the axis, `static n_orb 500` and `static 500` as `static`; what
-    says nothing of the value is another thing that was varied with it, and no name."""
+    """Returns a label without the swept value: `static n_orb 500` and `static 500` become `static`.
+    Empty if the label does not contain the value."""
     words = "|".join(re.escape(word) for word in dict.fromkeys((_word(value), str(value))))
     found = re.sub(
         rf"[,\s]*(?:\b{re.escape(leaf)}\s+)?(?<![\w.])(?:{words})(?![\w.])(?:\s(?:[smM%]|ms|Hz)(?!\w))?",
@@ -216,13 +216,13 @@ def _axis(key: str, lines: list[Line]) -> Axis:
         try:
             units.add(Library().system(system).params[name].unit)
         except (SlambedError, KeyError):
-            continue  # of a system that is gone, or a program of somebody else
+            continue  # an unknown system, or one without this parameter
     unit = units.pop() if len(units) == 1 else ""
     return Axis(key, name, f"{name} [{unit}]" if unit else name)
 
 
 def metrics_over(results: Results, found: Swept) -> list[Metric]:
-    """What the experiment asks for, else what is tested; only what was measured."""
+    """Returns the experiment's metrics, else the tested ones; only measured ones."""
     numbers, runs = results.numbers(), found.runs
     asked = [key for key in metrics_asked(results) if key in numbers]
     items = [results.metric(key) for key in asked or keys_for(Use.TESTED)]
@@ -230,8 +230,8 @@ def metrics_over(results: Results, found: Swept) -> list[Metric]:
 
 
 def draw_swept(results: Results, found: Swept, writer: FigureWriter) -> None:
-    """Few lines: all metrics in one figure. Many: a figure per metric, with the links or systems
-    side by side."""
+    """Draws all metrics in one figure if there are few lines, else a figure per metric, with links
+    or systems side by side."""
     metrics = metrics_over(results, found)
     lines = _named(found.lines)
     where = f"against {found.axis.name}: {found.dataset}"
@@ -259,7 +259,7 @@ def draw_swept(results: Results, found: Swept, writer: FigureWriter) -> None:
 
 
 def _named(lines: list[Line]) -> list[Line]:
-    """Systems whose labels say nothing of the value are called by system and variant."""
+    """Names lines by system and variant if their label does not contain the swept value."""
     found = []
     for line in lines:
         first = line.runs.iloc[0]
@@ -269,7 +269,7 @@ def _named(lines: list[Line]) -> list[Line]:
 
 
 def _legend(line: Line, lines: list[Line]) -> str:
-    """What distinguishes a line from the others."""
+    """Returns what distinguishes a line from the others."""
     parts = [
         part
         for part, all_of_them in (
@@ -282,8 +282,8 @@ def _legend(line: Line, lines: list[Line]) -> str:
 
 
 def _multiples(item: Metric, lines: list[Line]) -> tuple[list[Panel], list[str]]:
-    """A panel per point of what else was varied with a line per system, or the other way round, or
-    some lines each."""
+    """Returns a panel per combination of other varied values with a line per system, or vice versa,
+    or panels of some lines each; and the legend."""
     systems = list(dict.fromkeys(line.system for line in lines))
     points = list(dict.fromkeys(line.point for line in lines))
     if len(points) > 1 and len(systems) <= MOST_LINES:
@@ -328,7 +328,7 @@ def _draw(
             _same_heights(shown)
         for index, (place, panel) in enumerate(zip(shown, panels, strict=True)):
             from_zero &= _heights(place, panel.item)
-            if panel.item.shown_unit:  # what it is stands above
+            if panel.item.shown_unit:  # the title has the name
                 place.set_ylabel(f"[{panel.item.shown_unit}]")
             if index + columns >= len(panels):
                 place.set_xlabel(axis.heading)
@@ -365,7 +365,7 @@ def _panel(
         look: Any = {"color": color(index), "linestyle": dash(index), "marker": marker(index)}
         across = (index % MOST_LINES - (len(panel.lines) - 1) / 2) * BESIDE
         if panel.item.kind == "share":
-            # Bands of shares would lie over each other: no loss in any run is the same everywhere.
+            # Bands of shares would overlap, because lines without any loss are identical.
             x = _beside(x, across, logarithmic)
             place.errorbar(
                 x,
@@ -386,8 +386,8 @@ def _panel(
 
 
 def _curve(line: Line, item: Metric) -> pd.DataFrame:
-    """Median and quartiles at every value, in the shown unit; of shares their interval. What is
-    infinite, because half of the runs failed, is a gap."""
+    """Returns median and quartiles at every value in the shown unit, or shares with their interval.
+    Infinite values, because half of the runs failed, are gaps."""
     rows = []
     for value, runs in line.runs.groupby(line.values):
         measured = finite(runs[item.key].to_numpy()) * item.scale
@@ -397,7 +397,7 @@ def _curve(line: Line, item: Metric) -> pd.DataFrame:
             share = found.scaled(item.scale)
             low, middle, high = share.low, share.value, share.high
         else:
-            # Between a number and infinity there is nothing.
+            # Quantiles cannot be interpolated between a number and infinity.
             exact = bool(np.isfinite(measured).all())
             low, middle, high = np.quantile(
                 measured, QUARTILES, method="linear" if exact else "inverted_cdf"
@@ -411,7 +411,7 @@ def _curve(line: Line, item: Metric) -> pd.DataFrame:
 def _points(
     place: Axes, line: Line, item: Metric, index: int, across: float, logarithmic: bool
 ) -> None:
-    """Every run, those of several lines beside each other."""
+    """Draws every run as a point, with those of several lines next to each other."""
     x = _beside(line.values.to_numpy(np.float64), across, logarithmic)
     y = pd.to_numeric(line.runs[item.key].astype(object), errors="coerce").to_numpy(np.float64)
     many = len(y) > MANY_RUNS * line.values.nunique()
@@ -428,13 +428,13 @@ def _points(
 
 
 def _beside(x: Floats, across: float, logarithmic: bool) -> Floats:
-    """By this share of the axis' width."""
+    """Shifts x by this fraction of the axis."""
     found: Floats = x * (x.max() / x.min()) ** across if logarithmic else x + across * np.ptp(x)
     return found
 
 
 def _ticks(place: Axes, values: list[float], logarithmic: bool, columns: int) -> None:
-    """At the values themselves, named where there is room for that."""
+    """Sets ticks at the values, with labels where they fit."""
     if len(values) > MOST_TICKS:
         return
     at = np.log(values) if logarithmic else np.array(values)
@@ -457,7 +457,7 @@ def _same_heights(places: list[Axes]) -> None:
 
 
 def _heights(place: Axes, item: Metric) -> bool:
-    """The y axis begins at 0 unless that would squeeze the lines; whether it does."""
+    """Starts the y axis at 0 unless that would squeeze the lines; returns whether it does."""
     low, high = place.get_ylim()
     if item.kind == "share" or item.largest_shown < float("inf"):
         high = min(high, item.largest_shown * 1.03)

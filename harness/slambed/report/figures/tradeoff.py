@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Trade-off curves: what a cell costs against what it achieves, joined by system."""
+"""Draws trade-off curves: what cells cost against what they achieve, joined by system."""
 
 from typing import Any
 
@@ -33,14 +33,15 @@ PAIRS = (
 )
 
 MINIMUM_PLACES = 3
-"""Two points are a comparison, not a curve."""
+"""Fewest points: two are a comparison, not a curve."""
 SHAPES = (*MARKERS, "<", ">", "*", "p", "h")
-"""One per link profile."""
+"""One shape per link profile."""
 HEIGHT_IN = 3.5
 
 
 def draw_tradeoff(cells: list[Cell], dataset: str, x: str, y: str, writer: FigureWriter) -> bool:
-    """Medians (shares) with intervals; False when too few cells differ along the x axis."""
+    """Draws medians (or shares) with intervals; returns False if too few cells differ along the x
+    axis."""
     shown = [c for c in cells if c.dataset == dataset and x in c.values and y in c.values]
     if len({f"{c.values[x].value:.2g}" for c in shown}) < MINIMUM_PLACES:
         return False
@@ -53,7 +54,7 @@ def draw_tradeoff(cells: list[Cell], dataset: str, x: str, y: str, writer: Figur
         handles: list[Line2D] = []
         for label in dict.fromkeys(cell.label for cell in shown):
             index = labels.index(label)
-            # Where colors begin anew, hollow points distinguish the systems.
+            # When colors repeat, hollow points distinguish the systems.
             face = color(index) if index < len(COLORS) else "white"
             own = sorted((c for c in shown if c.label == label), key=lambda c: c.values[x].value)
             xs = [cell.values[x].scaled(across.scale) for cell in own]

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Keeps a page up to date while campaigns run, and filters without a button.
+// Keeps a page up to date while campaigns run, and applies filters without a button.
 "use strict";
 
 (() => {

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The time line of a run: states and events, then a lane per kind of curve, over one axis of run time.
+// Draws the timeline of a run: states and events, then a lane per kind of curve, over run time.
 "use strict";
 
 const lanesOf = (() => {
@@ -19,7 +19,7 @@ const lanesOf = (() => {
 
   const named = (parent, name, attributes, says) => element(element(parent, name, attributes), "title", {}, says);
 
-  // Draws `run` into `container`; `pick` is called with the run time that somebody points at.
+  // Draws `run` into `container`; `pick` is called with the run time of a click.
   return (container, run, pick) => {
     const whole = [0, run.end_s];
     let shown = whole, now_s = 0, width = 0, cursor = null, drag = null;
@@ -82,7 +82,7 @@ const lanesOf = (() => {
       const legend = element(svg, "text", { x: left, y: y - 3, class: "legend" });
       own.forEach((curve, i) => element(legend, "tspan", { class: `curve-${i}` }, `${i ? ",  " : ""}${curve.name} [${curve.unit}]`));
       own.forEach((curve, i) => {
-        // One point beyond each end, so that the line leaves the picture.
+        // Includes one point beyond each end, so that the line extends to the edge.
         const first = Math.max(0, viewMath.lastBefore(curve.t_s, shown[0]));
         const last = Math.min(curve.t_s.length - 1, viewMath.lastBefore(curve.t_s, shown[1]) + 1);
         let points = "";

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// One run: a slider over its frames moves picture, path, time line and numbers together.
+// One run: a slider over its frames moves image, path, timeline and numbers together.
 "use strict";
 
 (async () => {
@@ -22,7 +22,7 @@
   slider.disabled = by("play").disabled = count === 0;
   picture.hidden = !run.has_pictures;
 
-  // A browser that is asked for more pictures than it shows falls behind: one at a time, the newest.
+  // Loads one image at a time, the newest one requested, so that the browser does not fall behind.
   function askForPicture(index) {
     if (!run.has_pictures || index === null) return;
     if (loading) { wanted = index; return; }
@@ -38,7 +38,7 @@
 
   const valueOf = (curve, t_s) => curve.value[viewMath.lastBefore(curve.t_s, t_s)];
 
-  // What is known once the frame is done: that it was lost is reported then.
+  // Shows the values at the end of the frame, because a loss is reported only then.
   function tell(t_s) {
     const done_s = Math.max(t_s, frames.done_s[frame] ?? t_s);
     const state = frames.state[frame].replace("_", " ");

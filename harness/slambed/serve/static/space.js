@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The path in space: estimated over true, turned by hand.
+// Draws the path in 3D: the estimate over the ground truth, rotated by dragging.
 "use strict";
 
 const spaceOf = (() => {
@@ -7,13 +7,13 @@ const spaceOf = (() => {
 
   const pointsOf = (path) => path.x.map((x, i) => [x, path.y[i], path.z[i]]);
 
-  // The order of the axes in which the one that the camera moves least along stands upright.
+  // Returns the order of the axes that puts the one with the least motion upright.
   function upright(points) {
     const extent = (k) => points.reduce((m, p) => Math.max(m, p[k]), -Infinity) - points.reduce((m, p) => Math.min(m, p[k]), Infinity);
     return points.length ? [0, 1, 2].sort((a, b) => extent(b) - extent(a)) : [0, 1, 2];
   }
 
-  // Draws `path` onto a canvas; `turned` is called with what the picture shows.
+  // Draws `path` onto a canvas; `turned` is called with the error at the current time.
   return (canvas, path, turned) => {
     const reference = path.truth.x.length ? path.truth : path.estimate;
     const order = upright(pointsOf(reference));

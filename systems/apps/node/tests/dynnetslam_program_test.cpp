@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// DynNetSLAM's nodes as processes while the edge dies, freezes, or the way to it changes.
+// DynNetSLAM's nodes as processes while the edge dies, freezes, or its link changes.
 #include <limits>
 #include <map>
 
@@ -32,17 +32,17 @@ class DynNetSlamProgram : public testing::FarEdgeTest {
                              {"decision_gap_s", 0.3}});
   }
 
-  /// The states in their order, from the first OS on: the first decision may come before the first
-  /// answer of the edge, and is MES then.
+  /// Returns the states in order, without a leading MES: that is the first decision if it comes
+  /// before the edge's first answer.
   std::string states() {
     std::string text;
     for (const auto& event : events("mobile", "state_changed"))
       text.append(text.empty() ? "" : " ").append(event["to"].get<std::string>());
     return text.rfind("MES ", 0) == 0 ? text.substr(4) : text;
   }
-  /// Whether the mobile's log, which follows by up to a second, tells that it was in this state at
-  /// any time after that. What else it was in is not asked: on a machine that is too slow even a
-  /// near edge answers late, and is left and taken again.
+  /// Returns whether the mobile's log, which lags by up to a second, has this state at any time
+  /// after after_ns. Other states are allowed: on a slow machine even a near edge may answer late,
+  /// so the mobile leaves it and returns.
   bool was_in(const std::string& state, std::int64_t after_ns) {
     const auto frames = events("mobile", "frame_tracked");
     const auto changes = events("mobile", "state_changed");
@@ -61,7 +61,7 @@ class DynNetSlamProgram : public testing::FarEdgeTest {
     }
     return false;
   }
-  /// Until both have begun to work with each other.
+  /// Waits until both nodes work together.
   void await_start() {
     ASSERT_TRUE(await("mobile/ready.json") && await("edge/ready.json"))
         << log("mobile") << log("edge");
@@ -69,7 +69,7 @@ class DynNetSlamProgram : public testing::FarEdgeTest {
     ASSERT_TRUE(await_state("OS", 0)) << states();
     ASSERT_TRUE(await_event("edge", "keyframe_mapped"));
   }
-  /// Playback went on to the end, and both parted in order.
+  /// Expects that playback reached the end and both nodes ended in order.
   void expect_good_end(Process& mobile, Process& edge) {
     EXPECT_EQ(mobile.wait(), 0) << log("mobile");
     EXPECT_EQ(edge.wait(), 0) << log("edge");
@@ -82,13 +82,13 @@ class DynNetSlamProgram : public testing::FarEdgeTest {
     EXPECT_TRUE(events("mobile", "track_lost").empty());
     expect_no_stale_update();
   }
-  /// Nothing that was sent in an epoch was applied after it.
+  /// Expects that no update was applied after the end of the epoch in which it was sent.
   void expect_no_stale_update() {
     std::map<std::int64_t, std::int64_t> ended;
     for (const auto& event : events("mobile", "state_changed")) {
       if (event["to"] == "MES") ended[event["epoch"].get<std::int64_t>() - 1] = event["t_ns"];
     }
-    std::map<std::int64_t, std::int64_t> epoch_of;  // by time of sending: numbers can come again
+    std::map<std::int64_t, std::int64_t> epoch_of;  // by time applied, as update numbers can repeat
     const auto sent = events("edge", "update_sent");
     for (const auto& event : events("mobile", "update_applied")) {
       for (const auto& origin : sent) {
@@ -103,8 +103,8 @@ class DynNetSlamProgram : public testing::FarEdgeTest {
       }
     }
   }
-  /// How long the mobile was without an edge that was killed, until every channel to the next one
-  /// was there; infinite where one never was. A host that is busy may take long for it.
+  /// Returns the time from the edge's death until all channels to the next one were connected, or
+  /// infinity if they never were. It may be long on a busy host.
   double without_edge_s(std::int64_t killed_ns) {
     std::map<std::string, std::int64_t> again;
     for (const auto& event : events_after(killed_ns, "mobile", "link"))
@@ -121,7 +121,7 @@ class DynNetSlamProgram : public testing::FarEdgeTest {
     return keyframes;
   }
 
-  int frames_ = kFrames;  ///< that are played
+  int frames_ = kFrames;  ///< frames that are played
 };
 
 TEST_F(DynNetSlamProgram, GoesToTheMobileSideAndBackWithTheLatency) {
@@ -191,9 +191,10 @@ TEST_F(DynNetSlamProgram, ARestartedEdgeGetsTheWholeMap) {
 }
 
 TEST_F(DynNetSlamProgram, AnEdgeRestartedAtOnceGetsTheMapWithoutAChangeOfState) {
-  // The edge is asked for a map that long after the first keyframe, and missed that late.
+  // The mobile believes that the edge has no map only this long after the first keyframe, and
+  // leaves the edge only after this time without an answer.
   config["params"]["rtt_missing_s"] = 8.0;
-  config["params"]["l_ol_ms"] = 60'000.0;  // a slow machine's answers are no reason to leave
+  config["params"]["l_ol_ms"] = 60'000.0;  // late answers of a slow machine must not count
   constexpr double kAtOnceS = 5;
   std::int64_t killed = 0;
   int mobile_exit = 0, edge_exit = 0;
@@ -208,7 +209,7 @@ TEST_F(DynNetSlamProgram, AnEdgeRestartedAtOnceGetsTheMapWithoutAChangeOfState) 
     mobile_exit = mobile.wait();
     edge_exit = edge.wait();
     if (attempts == 1 || without_edge_s(killed) <= kAtOnceS) break;
-    clear();  // a busy host has started it too late, which shows something else
+    clear();  // a busy host restarted the edge too late for this test
   }
   ASSERT_LE(without_edge_s(killed), kAtOnceS) << log("mobile") << log("edge");
   EXPECT_EQ(mobile_exit, 0) << log("mobile");

@@ -11,7 +11,7 @@
 
 namespace slambed::testing {
 
-/// A run whose edge is at the far end of a way of the test's, which takes time and can be cut.
+/// A run whose edge is behind forwarders, which delay or block its traffic.
 class FarEdgeTest : public NodeProgramTest {
  protected:
   FarEdgeTest(int frames, const std::vector<std::string>& channels,
@@ -40,14 +40,14 @@ class FarEdgeTest : public NodeProgramTest {
     for (auto& channel : way_) channel->cut(is_cut);
   }
   int far_port(const std::string& channel) const { return far_ports_.at(channel); }
-  /// One's events after that time.
+  /// Returns a node's events of one type after that time.
   std::vector<nlohmann::json> events_after(std::int64_t after_ns, const std::string& role,
                                            const std::string& type) {
     auto found = events(role, type);
     std::erase_if(found, [&](const auto& event) { return event["t_ns"] <= after_ns; });
     return found;
   }
-  /// Nothing is left of the run, so that it can be made again.
+  /// Removes all files of the run, so that it can be repeated.
   void clear() {
     for (const auto& entry : std::filesystem::directory_iterator(folder.path()))
       std::filesystem::remove_all(entry);

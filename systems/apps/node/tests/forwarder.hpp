@@ -8,8 +8,8 @@
 
 namespace slambed::testing {
 
-/// A way between two ports of the loopback device that takes time and can be cut: every byte waits
-/// for the delay, none passes while it is cut, all arrive in order. Connections end together.
+/// Forwards TCP connections between two loopback ports with a delay, in order. While it is cut, no
+/// byte passes. If one side closes, so does the other.
 class Forwarder {
  public:
   Forwarder(int from, int to) : to_(to) {

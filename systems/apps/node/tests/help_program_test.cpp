@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Nodes as processes of the systems whose edge answers with poses: multithread_rl and cloudslam.
+// Runs multithread_rl and cloudslam, whose edge answers with poses, as processes.
 #include <algorithm>
 #include <cmath>
 #include <vector>
@@ -14,7 +14,7 @@ using testing::Process;
 
 constexpr double kSeconds = 9, kDark_s = 6, kLight_s = 6.5;
 
-/// A generated room; the lens is covered for half a second.
+/// A generated sequence in a room in which the lens is covered for half a second.
 const fs::path& room() {
   static const testing::TemporaryFolder folder;
   static const fs::path path = [] {
@@ -39,7 +39,7 @@ class HelpProgram : public testing::NodeProgramTest {
     drop_no_frame();
   }
 
-  /// Both nodes to a good end.
+  /// Runs both nodes and expects that they end in order.
   void run_both() {
     Process edge = node("edge"), mobile = node("mobile");
     ASSERT_TRUE(await("mobile/ready.json") && await("edge/ready.json"))
@@ -77,8 +77,8 @@ TEST_P(MultithreadRlProgram, UpdatesAreTakenOverAndALossEnds) {
   const bool asks = variant != "multithread";
   EXPECT_EQ(events("mobile", "suspended").size(), asks ? 1u : 0u);
   EXPECT_EQ(events("mobile", "reloc_request").empty(), !asks);
-  // A node that is held up between two stamps of one moment counts that time twice; parts that do
-  // not close would show in every answer.
+  // A node that is preempted between two timestamps of one moment counts that time twice. Parts
+  // that do not add up would show in every answer, so the smallest error is checked.
   std::vector<double> errors;
   for (const auto& reply : events("mobile", "reloc_reply")) {
     if (!reply.contains("total_ms")) continue;
@@ -98,7 +98,7 @@ INSTANTIATE_TEST_SUITE_P(Variants, MultithreadRlProgram,
 
 class CloudSlamProgram : public HelpProgram {
  protected:
-  /// A first trip through the light part of the room leaves the map.
+  /// Makes the prior map by a first trip before the lens is covered.
   fs::path first_trip() {
     const auto second = config;
     use_orbslam2();

@@ -18,7 +18,7 @@ namespace slambed::testing {
 
 constexpr double kFps = 15;
 
-/// A short generated sequence; made once per program.
+/// Returns a short generated sequence, which is made once per program.
 inline const std::filesystem::path& sequence(int frames, synth::GeneratorOptions options) {
   static const TemporaryFolder folder;
   static const std::filesystem::path path = [&] {
@@ -33,7 +33,7 @@ inline const std::filesystem::path& sequence(int frames, synth::GeneratorOptions
   return path;
 }
 
-/// Ports that were free a moment ago.
+/// Returns ports that were free a moment ago.
 inline std::vector<int> free_ports(int count) {
   std::vector<int> fds, ports;
   for (int i = 0; i < count; ++i) {
@@ -49,7 +49,7 @@ inline std::vector<int> free_ports(int count) {
   return ports;
 }
 
-/// A run in a folder of its own, made of real processes on the loopback device.
+/// A run of real processes over loopback, in its own folder.
 class NodeProgramTest : public ::testing::Test {
  protected:
   explicit NodeProgramTest(int frames, const synth::GeneratorOptions& options = {}) {
@@ -82,7 +82,7 @@ class NodeProgramTest : public ::testing::Test {
                   {"frame", ports[3]}}}}}};
   }
 
-  /// Another system that maps on the edge: without the switches that Edge-SLAM alone has.
+  /// Selects another system that maps on the edge, and removes parameters that only Edge-SLAM has.
   void use(const std::string& system) {
     config["system"] = system;
     const auto own = ours();
@@ -98,14 +98,14 @@ class NodeProgramTest : public ::testing::Test {
     config["network"] = nullptr;
   }
 
-  /// Plays no more than so much of the sequence; returns the number of frames.
+  /// Plays only the first seconds of the sequence; returns the number of frames.
   int play_for(double seconds) {
     config["playback"]["end_s"] = seconds;
     return static_cast<int>(std::lround(seconds * kFps));
   }
 
-  /// Frames still come at their times, but a machine that is too slow for them (under a sanitizer,
-  /// say) falls behind instead of losing track.
+  /// Plays every frame, at its time or later, so that a slow machine (e.g. under a sanitizer) falls
+  /// behind instead of losing track.
   void drop_no_frame() { config["playback"]["mode"] = "every_frame"; }
 
   Process node(const std::string& role, std::vector<std::string> more = {}) {
@@ -141,22 +141,22 @@ class NodeProgramTest : public ::testing::Test {
     folder.write("start.partial", nlohmann::json{{"t0_ns", t0_ns_}}.dump());
     std::filesystem::rename(folder.path() / "start.partial", folder.path() / "start.json");
   }
-  /// Time of the run, as events have it.
+  /// Returns the run time, as in events.
   std::int64_t now_ns() const { return monotonic_ns() - t0_ns_; }
-  /// Events of one type of one node.
+  /// Returns a node's events of one type.
   std::vector<nlohmann::json> events(const std::string& role, const std::string& type) {
     std::vector<nlohmann::json> found;
     std::istringstream lines(read_text(folder.path() / role / "events.jsonl"));
     for (std::string line; std::getline(lines, line);) {
-      // Before the parser: a way that a test keeps up stands still while the test is busy.
+      // Filtered before parsing, because a forwarder stalls while the test uses the CPU.
       if (line.find('"' + type + '"') == std::string::npos) continue;
-      if (!nlohmann::json::accept(line)) continue;  // cut by a kill
+      if (!nlohmann::json::accept(line)) continue;  // truncated by SIGKILL
       auto event = nlohmann::json::parse(line);
       if (event["type"] == type) found.push_back(std::move(event));
     }
     return found;
   }
-  /// One line that says what is wrong.
+  /// Expects that the log is one error line with this text.
   void expect_error(const std::string& role, const std::string& part) {
     const std::string text = log(role);
     EXPECT_EQ(text.rfind("error: ", 0), 0u) << text;

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// slambed-node as a user meets it: processes, files, ports, signals, exit codes.
+// slambed-node as a user sees it: processes, files, ports, signals, exit codes.
 #include "apps/node/tests/node_program.hpp"
 
 namespace slambed {
@@ -149,7 +149,7 @@ TEST_F(NodeProgram, ARestartedEdgeJoinsTheRunningMobile) {
   const auto restart = events("mobile", "edge_restarted").front();
   EXPECT_EQ(restart["session"], 2);
   EXPECT_EQ(events("edge", "node_restarted").size(), 1u);
-  // What the first edge wrote is still there, and the second one maps what the mobile sends.
+  // The first edge's log is kept, and the second edge maps what the mobile sends.
   const auto received = events("edge", "keyframe_received");
   EXPECT_TRUE(std::any_of(received.begin(), received.end(), [&](const auto& event) {
     return event["keyframe"] == restart["keyframe"];

@@ -19,8 +19,8 @@ extern char** environ;
 
 namespace slambed::testing {
 
-/// A child process with its output in a file; killed with its owner. It goes before what else the
-/// host does (a compiler, say), as the nodes of a run do, where one may ask for that.
+/// A child process with its output in a file, killed by the destructor. If permitted, it gets the
+/// highest nice priority, as the nodes of a run do.
 class Process {
  public:
   Process(std::vector<std::string> words, const std::filesystem::path& output) {
@@ -31,7 +31,7 @@ class Process {
     posix_spawn_file_actions_adddup2(&actions, 1, 2);
     posix_spawnattr_t attributes;
     posix_spawnattr_init(&attributes);
-    // Kernels with autogroups share the CPUs out among sessions first.
+    // Kernels with autogroups divide the CPUs among sessions first.
     posix_spawnattr_setflags(&attributes, POSIX_SPAWN_SETSID);
     std::vector<char*> argv;
     for (auto& word : words) argv.push_back(word.data());
@@ -53,8 +53,8 @@ class Process {
 
   void signal(int number) const { ::kill(pid_, number); }
 
-  /// Exit code; 128 + signal when killed; -1 when it does not end within the limit, which a program
-  /// under a sanitizer on a busy machine stays below.
+  /// Returns the exit code, 128 + signal if killed, or -1 after the limit, which is long enough for
+  /// a sanitizer on a busy machine.
   int wait(std::chrono::seconds limit = std::chrono::seconds(240)) {
     const auto deadline = std::chrono::steady_clock::now() + limit;
     int status = 0;
@@ -67,7 +67,7 @@ class Process {
   }
 
  private:
-  static constexpr int kFirst = -20;  ///< the best there is for nice
+  static constexpr int kFirst = -20;  ///< highest priority of nice
 
   pid_t pid_ = -1;
 };

@@ -11,7 +11,7 @@ namespace fs = std::filesystem;
 
 constexpr int kFrames = 75;
 
-/// Places of a TUM file, in its order.
+/// Returns the positions of a TUM file in order.
 std::vector<Eigen::Vector3d> places(const fs::path& trajectory) {
   std::istringstream lines(testing::read_text(trajectory));
   std::vector<Eigen::Vector3d> list;
@@ -32,7 +32,7 @@ class SensorProgram : public testing::NodeProgramTest {
  protected:
   SensorProgram() : NodeProgramTest(kFrames) {}
 
-  /// The run plays a generated room as this kind of camera sees it.
+  /// Generates a sequence for this kind of camera and makes the run play it.
   fs::path play(const std::string& sensor, int width = 320) {
     const fs::path made = folder.path() / sensor;
     synth::GeneratorOptions options;

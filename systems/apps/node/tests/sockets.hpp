@@ -23,7 +23,7 @@ inline sockaddr_in loopback(int port) {
   return address;
 }
 
-/// A connection to a port of the loopback device; -1: nobody listens there.
+/// Connects to a loopback port; returns -1 if nothing listens there.
 inline int connect_to(int port) {
   const int fd = ::socket(AF_INET, SOCK_STREAM, 0);
   const sockaddr_in address = loopback(port);
@@ -32,8 +32,8 @@ inline int connect_to(int port) {
   return -1;
 }
 
-/// Listens on a port that was free and does something with whoever connects, whose connections stay
-/// open as long as it lives.
+/// Listens on a free port and calls `serve` for every connection. Connections stay open until the
+/// destructor.
 class Listener {
  public:
   explicit Listener(std::function<void(int fd)> serve) : serve_(std::move(serve)) {

@@ -19,7 +19,7 @@ TEST(Workload, EqualUnitsGiveEqualChecksums) {
   EXPECT_EQ(first.checksum(), second.checksum());
 }
 
-/// The unit of speed: a change of this number makes every calibrated speed mean something else.
+/// Guards the unit of speed: a change of this checksum invalidates every calibrated speed.
 TEST(Workload, IsTheSameWorkAsEver) {
   Workload work;
   for (int i = 0; i < 100; ++i) work.unit();

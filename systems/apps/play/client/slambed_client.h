@@ -1,21 +1,20 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* The client of slambed-play for systems in C or C++ (docs/systems.md, "Systems that run by
- * themselves").
+/* The client of slambed-play for systems in C or C++ (docs/reference/system.md).
  *
  *   slambed_client client;
  *   if (slambed_open(&client) != 0) return 1;          // prints why
  *   slambed_ready(&client);                            // vocabulary loaded, edge connected
  *   slambed_frame frame;
- *   while (slambed_next(&client, &frame) == 1) {       // 0: playback is over, -1: the player has
- * gone const uint8_t* gray = slambed_gray(&client, &frame);
+ *   while (slambed_next(&client, &frame) == 1) {       // 0: playback is over, -1: no player
+ *     const uint8_t* gray = slambed_gray(&client, &frame);
  *     ...
  *     slambed_pose pose = slambed_tracked(&frame, T_wc, q_wc);   // or slambed_untracked
  *     slambed_send_pose(&client, &pose);
  *   }
- *   slambed_send_final(&client, &pose);                // any number: the path after all
- * corrections slambed_close(&client);
+ *   slambed_send_final(&client, &pose);                // optional, per frame: its final pose
+ *   slambed_close(&client);
  *
- * Messages are packets on a socket, of host byte order; pixels lie in shared memory. */
+ * Messages are packets on a socket in host byte order; pixels are in shared memory. */
 #ifndef SLAMBED_CLIENT_H
 #define SLAMBED_CLIENT_H
 
@@ -33,15 +32,15 @@ extern "C" {
 
 enum { SLAMBED_PROTOCOL = 1, SLAMBED_EVENT_BYTES = 4096 };
 enum slambed_type {
-  SLAMBED_HELLO = 1, /* client: who are you; answered by slambed_info */
+  SLAMBED_HELLO = 1, /* client: first message; answered by slambed_info */
   SLAMBED_INFO = 2,
   SLAMBED_READY = 3, /* client: the run may begin */
-  SLAMBED_NEXT = 4,  /* client: a frame, please; answered by slambed_frame or SLAMBED_END */
+  SLAMBED_NEXT = 4,  /* client: requests a frame; answered by slambed_frame or SLAMBED_END */
   SLAMBED_FRAME = 5,
-  SLAMBED_END = 6,   /* no more frames; to an edge, unasked: the run is over */
-  SLAMBED_POSE = 7,  /* client: the pose of a frame as tracking found it */
-  SLAMBED_FINAL = 8, /* client: the pose of a frame as the finished map has it */
-  SLAMBED_EVENT = 9  /* client: a JSON object with "type", behind the four bytes of the type */
+  SLAMBED_END = 6,   /* no more frames; an edge gets it unrequested when the run is over */
+  SLAMBED_POSE = 7,  /* client: the pose of a frame from tracking */
+  SLAMBED_FINAL = 8, /* client: the pose of a frame in the finished map */
+  SLAMBED_EVENT = 9  /* client: a JSON object with "type", after the four bytes of the type */
 };
 enum slambed_sensor { SLAMBED_RGBD = 0, SLAMBED_STEREO = 1, SLAMBED_MONO = 2 };
 enum slambed_state { SLAMBED_OK = 0, SLAMBED_LOST = 1, SLAMBED_NOT_INITIALIZED = 2 };
@@ -49,20 +48,20 @@ enum slambed_state { SLAMBED_OK = 0, SLAMBED_LOST = 1, SLAMBED_NOT_INITIALIZED =
 typedef struct {
   uint32_t type, protocol;
   uint32_t sensor, width, height;
-  uint32_t slots; /* the last so many frames stay as they are */
+  uint32_t slots; /* number of most recent frames that stay unchanged */
   uint64_t slot_bytes;
   double fx, fy, cx, cy; /* pixels */
   double bf;             /* fx times baseline, px*m */
   double distortion[5];  /* OpenCV's k1, k2, p1, p2, k3; stereo pictures are rectified */
   double depth_unit_m;   /* meters per step of the depth picture */
-  double fps;            /* as played */
+  double fps;            /* of the playback */
 } slambed_info;
 
 typedef struct {
   uint32_t type, slot;
   uint64_t index;      /* in the sequence */
-  int64_t recorded_ns; /* the time stamp of the recording */
-  double seq_s;        /* since the first frame played */
+  int64_t recorded_ns; /* timestamp of the recording */
+  double seq_s;        /* since the first played frame */
 } slambed_frame;
 
 typedef struct {
@@ -70,7 +69,7 @@ typedef struct {
   uint64_t index;
   double t_wc[3];            /* camera in the world frame, meters */
   double q_wc[4];            /* x, y, z, w: camera to world */
-  int32_t features, inliers; /* -1: not told */
+  int32_t features, inliers; /* -1: unknown */
 } slambed_pose;
 
 typedef struct {
@@ -84,7 +83,7 @@ static inline int slambed_send_type(slambed_client* c, uint32_t type) {
   return send(c->socket, &type, sizeof type, MSG_NOSIGNAL) == (ssize_t)sizeof type ? 0 : -1;
 }
 
-/* 0, or -1 with a line on standard error. */
+/* Returns 0, or -1 with a line on standard error. */
 static inline int slambed_open(slambed_client* c) {
   const char* channel = getenv("SLAMBED_CLIENT");
   int memory = -1;
@@ -113,7 +112,7 @@ static inline int slambed_open(slambed_client* c) {
 
 static inline int slambed_ready(slambed_client* c) { return slambed_send_type(c, SLAMBED_READY); }
 
-/* Waits for a frame: 1, 0 when there are no more, -1 when the player has gone. */
+/* Waits for a frame. Returns 1, 0 if there are no more, or -1 if the player is gone. */
 static inline int slambed_next(slambed_client* c, slambed_frame* frame) {
   if (slambed_send_type(c, SLAMBED_NEXT) != 0) return -1;
   if (recv(c->socket, frame, sizeof *frame, 0) < (ssize_t)sizeof frame->type) return -1;
@@ -125,8 +124,7 @@ static inline const uint8_t* slambed_gray(const slambed_client* c, const slambed
   return c->pixels + f->slot * c->info.slot_bytes;
 }
 
-/* rgbd: width * height values of uint16_t, 0 where nothing was measured; stereo: the right picture.
- */
+/* rgbd: width * height values of uint16_t, 0 without depth; stereo: the right picture. */
 static inline const void* slambed_second(const slambed_client* c, const slambed_frame* f) {
   return slambed_gray(c, f) + (size_t)c->info.width * c->info.height;
 }
@@ -162,7 +160,7 @@ static inline int slambed_send_final(slambed_client* c, const slambed_pose* pose
   return slambed_send_packet(c, *pose, SLAMBED_FINAL);
 }
 
-/* json: {"type": "map", "points": 812}; for metrics of the system's own. */
+/* Sends an event for the system's own metrics, e.g. {"type": "map", "points": 812}. */
 static inline int slambed_send_event(slambed_client* c, const char* json) {
   char packet[sizeof(uint32_t) + SLAMBED_EVENT_BYTES];
   const uint32_t type = SLAMBED_EVENT;
@@ -174,7 +172,7 @@ static inline int slambed_send_event(slambed_client* c, const char* json) {
   return send(c->socket, packet, bytes, MSG_NOSIGNAL) == (ssize_t)bytes ? 0 : -1;
 }
 
-/* A parameter of system.yaml as text, NULL when there is none of this name (upper case). */
+/* Returns a parameter of system.yaml as text, or NULL if there is none with this name. */
 static inline const char* slambed_param(const char* upper_case_name) {
   char name[128];
   snprintf(name, sizeof name, "SLAMBED_PARAM_%s", upper_case_name);

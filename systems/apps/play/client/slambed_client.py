@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 # ruff: noqa: N803 - frames of reference are written as everywhere: T_wc, camera to world
-"""The client of slambed-play for systems in Python (docs/systems.md). Needs numpy and nothing else.
+"""The client of slambed-play for systems in Python (docs/reference/system.md). It needs only numpy.
 
 client = Client()
 client.ready()                              # vocabulary loaded, edge connected
@@ -29,7 +29,7 @@ HELLO, INFO, READY, NEXT, FRAME, END, POSE, FINAL, EVENT = range(1, 10)
 SENSORS = ("rgbd", "stereo", "mono")
 STATES = ("ok", "lost", "not_initialized")
 EVENT_BYTES = 4096
-# As the structs of slambed_client.h.
+# These formats must match the structs of slambed_client.h.
 _INFO = struct.Struct("=6IQ5d5d2d")
 _FRAME = struct.Struct("=2IQqd")
 _POSE = struct.Struct("=2IQ3d4d2i")
@@ -38,24 +38,24 @@ _TYPE = struct.Struct("=I")
 
 @dataclass(frozen=True)
 class Frame:
-    """One frame. The pictures are views that stay as they are for `Client.slots` more frames."""
+    """One frame. The pictures are views into memory that is reused after `Client.slots` frames."""
 
     index: int
     """In the sequence."""
     recorded_ns: int
-    """The recording's time stamp."""
+    """Timestamp of the recording."""
     seq_s: float
-    """Since the first frame played."""
+    """Since the first played frame."""
     gray: NDArray[np.uint8]
     """(height, width)"""
     depth: NDArray[np.uint16] | None
-    """rgbd: steps of `Client.depth_unit_m`, 0 where nothing was measured."""
+    """rgbd: in units of `Client.depth_unit_m`, 0 without depth."""
     right: NDArray[np.uint8] | None
     """stereo: the rectified right picture."""
 
 
 class Client:
-    """The player's side of this program: frames come, poses go."""
+    """The connection to the player: receives frames and sends poses."""
 
     def __init__(self) -> None:
         told = os.environ.get("SLAMBED_CLIENT")
@@ -81,11 +81,11 @@ class Client:
             self._memory = mmap.mmap(memory_fd, size, prot=mmap.PROT_READ)
 
     def ready(self) -> None:
-        """The run may begin: everything that takes long is done."""
+        """Tells the player that the system is ready for the run."""
         self._send(_TYPE.pack(READY))
 
     def next(self) -> Frame | None:
-        """Waits for a frame; None when playback is over. On an edge: when the run is."""
+        """Waits for a frame. Returns None when playback, or on an edge the run, is over."""
         self._send(_TYPE.pack(NEXT))
         packet = self._socket.recv(_FRAME.size)
         if len(packet) < _FRAME.size:
@@ -107,30 +107,30 @@ class Client:
             yield frame
 
     def pose(self, frame: Frame | int, T_wc: Any, features: int = -1, inliers: int = -1) -> None:
-        """The frame was tracked: camera to world, 4x4, meters."""
+        """Reports the pose of a tracked frame: camera to world, 4x4, meters."""
         self._send(self._packed(POSE, 0, frame, T_wc, features, inliers))
 
     def lost(self, frame: Frame | int, features: int = -1) -> None:
-        """Tracking failed."""
+        """Reports that tracking of a frame failed."""
         self._send(self._packed(POSE, 1, frame, np.eye(4), features, -1))
 
     def not_initialized(self, frame: Frame | int, features: int = -1) -> None:
-        """There is no map yet, or no longer."""
+        """Reports that there is no map, so the frame has no pose."""
         self._send(self._packed(POSE, 2, frame, np.eye(4), features, -1))
 
     def final(self, frame: Frame | int, T_wc: Any) -> None:
-        """After playback: the pose of a frame in the finished map."""
+        """Reports the pose of a frame in the finished map, after playback."""
         self._send(self._packed(FINAL, 0, frame, T_wc, -1, -1))
 
     def event(self, type: str, **fields: Any) -> None:
-        """A record for metrics of the system's own (`metrics:` of system.yaml)."""
+        """Logs an event for the system's own metrics (`metrics:` in system.yaml)."""
         text = json.dumps({"type": type, **fields}).encode()
         if len(text) > EVENT_BYTES:
             raise ValueError(f"an event has at most {EVENT_BYTES} bytes")
         self._send(_TYPE.pack(EVENT) + text)
 
     def close(self) -> None:
-        """No more messages; the program may go on and end."""
+        """Closes the connection; the program may continue."""
         self._socket.close()
 
     def _send(self, packet: bytes) -> None:
@@ -146,13 +146,13 @@ class Client:
 
 
 def edge_address(channel: str) -> tuple[str, int]:
-    """Where the edge listens for this channel of system.yaml."""
+    """Returns the address and port where the edge listens for this channel of system.yaml."""
     port = int(os.environ[f"SLAMBED_PORT_{channel.upper()}"])
     return os.environ["SLAMBED_EDGE_ADDRESS"], port
 
 
 def _quaternion(rotation: NDArray[np.float64]) -> NDArray[np.float64]:
-    """x, y, z, w of a rotation matrix: the eigenvector of Bar-Itzhack (JGCD 2000)."""
+    """Returns x, y, z, w of a rotation matrix by the eigenvector of Bar-Itzhack (JGCD 2000)."""
     (xx, xy, xz), (yx, yy, yz), (zx, zy, zz) = rotation
     k = np.array(
         [

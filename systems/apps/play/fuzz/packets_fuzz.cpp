@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// What a foreign system may send to the player: packets through the real socket, whatever is in
-// them. Each is taken or refused, and the trajectory of what was taken has finite numbers only.
+// Sends arbitrary packets through the real socket to the player, as an external system might. Each
+// must be accepted or refused, and the written trajectories must have only finite numbers.
 #include <unistd.h>
 
 #include <algorithm>
@@ -18,11 +18,11 @@ namespace slambed {
 namespace {
 
 constexpr std::uint64_t kFrames = 4;
-/// Larger than any packet of the protocol: such ones come too.
+/// Larger than any packet of the protocol, to test oversized packets too.
 constexpr std::size_t kLargestPacket = sizeof(std::uint32_t) + SLAMBED_EVENT_BYTES + 8;
 
-/// The next packet: a byte for its kind, then its bytes. Poses are valid ones, some bytes of which
-/// are edited, so that a fuzzer comes behind the first check.
+/// Takes the next packet from the data: one byte for its kind, then its bytes. Poses are valid ones
+/// with some bytes edited, so that the fuzzer gets past the first check.
 std::vector<std::uint8_t> packet(std::span<const std::uint8_t>& data) {
   const std::uint8_t kind = data[0];
   data = data.subspan(1);
@@ -81,7 +81,7 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
   bool placed = false;
   for (std::span<const std::uint8_t> rest(data, size); !rest.empty();) {
     const auto bytes = packet(rest);
-    if (bytes.empty()) continue;  // would be the end of the conversation
+    if (bytes.empty()) continue;  // an empty packet would end the conversation
     if (write(conversation.client_fd(), bytes.data(), bytes.size()) < 0) std::abort();
     try {
       take(record, log, *conversation.next());

@@ -98,10 +98,10 @@ TEST_F(RecordTest, FinalPosesMakeTheTrajectoryAndLeaveTheLiveOne) {
 
 TEST_F(RecordTest, WhatIsNoPoseIsRefused) {
   take(0);
-  EXPECT_THROW(pose(1), Error);     // never given
+  EXPECT_THROW(pose(1), Error);     // never offered
   EXPECT_THROW(pose(0, 3), Error);  // no state
   EXPECT_THROW(pose(0, SLAMBED_OK, NAN), Error);
-  EXPECT_THROW(pose(0, SLAMBED_OK, -1e308), Error);  // finite, until it is turned
+  EXPECT_THROW(pose(0, SLAMBED_OK, -1e308), Error);  // would overflow when inverted
   auto long_quaternion = packet(0, SLAMBED_OK, 0);
   long_quaternion.q_wc[3] = 2;
   EXPECT_THROW(record_.tracked(long_quaternion, now_), Error);
@@ -149,7 +149,7 @@ TEST(Command, TellsHowItsProgramEnded) {
   EXPECT_EQ(sleeper.end(), 128 + 15);
 }
 
-// A pipe is at its end when nobody holds it any more.
+// Returns whether all processes have closed the pipe's write end.
 bool ends(int fd) {
   pollfd closed{.fd = fd, .events = POLLIN, .revents = 0};
   char byte;

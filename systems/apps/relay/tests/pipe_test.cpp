@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-/// A pipe between two pairs of sockets that stand in for the TUN devices.
+/// Tests a pipe between two socket pairs that stand in for the TUN devices.
 #include "apps/relay/pipe.hpp"
 
 #include <gtest/gtest.h>
@@ -132,7 +132,7 @@ TEST_F(PipeTest, ProbesAndDataAreEachInOrder) {
   int count[2] = {0, 0};
   for (const auto& record : logged()) {
     const int lane = record.tag != 0;
-    EXPECT_GE(record.due_ns, due[lane]);  // in order among its own
+    EXPECT_GE(record.due_ns, due[lane]);  // in order within its lane
     due[lane] = record.due_ns;
     ++count[lane];
   }

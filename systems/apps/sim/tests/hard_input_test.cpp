@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Sequences that a broken or covered camera leaves: the whole node plays them to the end, in
-// virtual time and on its own, and what cannot be played is refused before the first frame.
+// Sequences of a broken or covered camera. A node without an edge must play them to the end in
+// virtual time; sequences that cannot be played are refused before the first frame.
 #include <gtest/gtest.h>
 #include <zlib.h>
 
@@ -23,7 +23,7 @@ namespace fs = std::filesystem;
 constexpr int kWidth = 320, kHeight = 240, kFrames = 60;
 constexpr std::size_t kPixels = std::size_t{kWidth} * kHeight, kIndexEntry = 16;
 
-/// A generated walk at 15 Hz, made once.
+/// Returns a generated walk at 15 Hz, which is made once.
 const fs::path& walk() {
   static const testing::TemporaryFolder folder;
   static const fs::path path = [] {
@@ -38,7 +38,7 @@ const fs::path& walk() {
   return path;
 }
 
-/// A copy of the walk to spoil, and the node's answer to it.
+/// A copy of the walk that tests corrupt, and the node's results on it.
 class HardInput : public ::testing::Test {
  protected:
   HardInput() {
@@ -54,7 +54,7 @@ class HardInput : public ::testing::Test {
     std::memcpy(index.data() + static_cast<std::size_t>(frame) * kIndexEntry, &ns, sizeof ns);
   }
 
-  /// Writes the spoiled sequence with checksums that fit, plays it and returns the exit code.
+  /// Writes the corrupted sequence with valid checksums, plays it and returns the exit code.
   int play(const std::string& mode) {
     for (int i = 0; i < kFrames; ++i) {
       const auto crc = static_cast<std::uint32_t>(
@@ -116,7 +116,7 @@ class HardInput : public ::testing::Test {
             {"save_map", false}};
   }
 
-  /// Frames from..to-1 with a pose.
+  /// Returns the number of frames in [from, to) with a pose.
   long tracked(int from, int to) const {
     return std::count(states.begin() + from, states.begin() + to, "ok");
   }
@@ -137,12 +137,14 @@ class HardInput : public ::testing::Test {
       EXPECT_NEAR(length, 1, 1e-6) << line;
       ++poses;
     }
-    // A young map is given up when tracking is lost, and the trajectory begins anew with the next.
+    // A young map is discarded when tracking is lost, and the trajectory restarts with the next
+    // map.
     const auto reset = std::find(states.rbegin(), states.rend(), "not_initialized");
     EXPECT_EQ(poses,
               tracked(static_cast<int>(states.rend() - reset), static_cast<int>(states.size())));
   }
-  /// Plays to the end in both ways; the first `good` frames and those from `again` on are tracked.
+  /// Plays the sequence in both modes. Expects that the first `good` frames and all from `again` on
+  /// are tracked.
   void expect_survived(int good, int again) {
     for (const char* mode : {"every_frame", "realtime"}) {
       SCOPED_TRACE(mode);
@@ -185,7 +187,7 @@ TEST_F(HardInput, NothingButBlack) {
 
 TEST_F(HardInput, ACameraThatHangs) {
   for (int i = 21; i < 40; ++i) std::memcpy(gray(i), gray(20), 3 * kPixels);
-  // Then it has moved on by twenty frames at once.
+  // Frame 40 is a jump of twenty frames.
   expect_survived(40, 46);
 }
 
@@ -222,7 +224,7 @@ TEST_F(HardInput, DepthThatSaysNothingTrue) {
 }
 
 TEST_F(HardInput, TimeThatJumps) {
-  // An hour's gap, and before it three frames within a microsecond.
+  // Three frames within a microsecond, then a gap of an hour.
   constexpr std::int64_t kHour_ns = 3'600'000'000'000;
   for (int i = 30; i < 33; ++i) set_time_ns(i, 2'000'000'000 + (i - 30) * 300);
   for (int i = 33; i < kFrames; ++i) set_time_ns(i, kHour_ns + i * 66'666'667LL);

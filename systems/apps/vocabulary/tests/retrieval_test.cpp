@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The measure of a vocabulary: which images count as the same place, and what share is found.
+// Scoring of a vocabulary: which images count as the same place, and which share is found.
 #include "apps/vocabulary/retrieval.hpp"
 
 #include <gtest/gtest.h>
@@ -19,7 +19,7 @@ RetrievalImage image(double time_s, double x_m, std::uint32_t word) {
 }
 
 TEST(Retrieval, CountsPlacesSeenAgainAndHowManyAreFoundFirst) {
-  // Places 0 and 10 m are seen twice, the second one looks like another place the second time.
+  // The places at 0 m and 10 m are visited twice; the second visit at 10 m looks like 20 m.
   const std::vector<RetrievalImage> images{image(0, 0, 1), image(10, 10, 2), image(20, 20, 3),
                                            image(30, 0, 1), image(40, 10, 3)};
   const RetrievalScore score = measure_retrieval(images);

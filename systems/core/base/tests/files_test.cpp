@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Files are written whole or not at all, and what fails is told with its name and its reason.
+// Files are written atomically, and errors name the file and the reason.
 #include "base/files.hpp"
 
 #include <fcntl.h>
@@ -55,7 +55,7 @@ TEST(Files, WhatCannotBeWrittenLeavesTheOldFileAndNothingBesideIt) {
   const fs::path taken = folder.path() / "taken";
   fs::create_directory(taken);
   write_whole(taken / "inside", std::string("kept"));
-  // A folder has the name: the part is written and cannot take it.
+  // The target is a folder, so the temporary file is written but cannot be renamed.
   EXPECT_EQ(complaint([&] { write_whole(taken, std::string("x")); }, ExitCode::kEnvironment),
             taken.string() +
                 ": cannot be written: Is a directory; check the folder's rights and "
@@ -117,7 +117,7 @@ TEST(FileDescriptor, IsClosedOnceByItsOwner) {
   {
     FileDescriptor first(raw);
     FileDescriptor second = std::move(first);
-    EXPECT_FALSE(first);  // NOLINT(bugprone-use-after-move): that it owns nothing any more
+    EXPECT_FALSE(first);  // NOLINT(bugprone-use-after-move): checks the moved-from state
     EXPECT_EQ(second.get(), raw);
     EXPECT_NE(::fcntl(raw, F_GETFD), -1);
     errno = ENOSPC;

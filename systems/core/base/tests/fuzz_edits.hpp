@@ -7,9 +7,9 @@
 
 namespace slambed::testing {
 
-/// What a fuzzer's bytes make of a valid file: groups of four (place, three bytes; value) replace
-/// single bytes from `first` on, and what is left over is appended. So a fuzzer reaches the depths
-/// of a format without a corpus.
+/// Applies a fuzzer's bytes to a valid file. Each group of four (three bytes of position, one of
+/// value) replaces one byte at or after `first`; leftover bytes are appended. A fuzzer thus reaches
+/// deep into a format without a corpus.
 inline std::vector<std::uint8_t> edited(std::vector<std::uint8_t> valid, std::size_t first,
                                         std::span<const std::uint8_t> edits) {
   const std::size_t range = valid.size() - first;

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The bounds that portable_math.hpp states, against long double of the C library, and the bits.
+// Checks the bounds that portable_math.hpp states against long double, and the exact bits.
 #include "base/portable_math.hpp"
 
 #include <gtest/gtest.h>
@@ -17,7 +17,7 @@ namespace {
 
 constexpr int kArguments = 100'000;
 
-/// Distance of a value from the exact one in units in the last place of the value.
+/// Returns the distance of a value from the exact one in units in the last place of the exact one.
 double ulps(double value, long double exact) {
   const double size = std::max(std::abs(static_cast<double>(exact)), 0x1p-1021);
   const double unit = std::nextafter(size, INFINITY) - size;
@@ -29,7 +29,7 @@ struct Interval {
   double at(SplitMix64& random) const { return from + (to - from) * random.uniform(); }
 };
 
-/// The worst error over random arguments of all intervals.
+/// Returns the worst error, in ulp, over random arguments of all intervals.
 double worst(std::initializer_list<Interval> intervals, const std::function<double(double)>& own,
              const std::function<long double(long double)>& exact) {
   SplitMix64 random(1);
@@ -50,7 +50,7 @@ TEST(PortableMath, SineAndCosineAreWithinOneUnitInTheLastPlace) {
   const auto angles = {Interval{-1e-9, 1e-9}, {-0.8, 0.8}, {-7, 7}, {-1000, 1000}};
   EXPECT_LE(worst(angles, OWN(sin), EXACT(sin)), 1);
   EXPECT_LE(worst(angles, OWN(cos), EXACT(cos)), 1);
-  // Beside zeros nearly all of the angle cancels (exact values by 60-digit arithmetic).
+  // Near zeros almost all of the angle cancels (exact values from 60-digit arithmetic).
   EXPECT_EQ(portable::cos(1.5707963267948966), 0x1.1a62633145c07p-54);
   EXPECT_EQ(portable::sin(3.141592653589793), 0x1.1a62633145c07p-53);
   EXPECT_EQ(portable::cos(557.6326960121883), -0x1.53cb37c6a9dcfp-45);
@@ -129,7 +129,7 @@ TEST(PortableMath, EndsOfTheRangesAreWhatTheyShouldBe) {
   EXPECT_TRUE(std::isnan(portable::log(-1)));
 }
 
-/// FNV-1a over the bits of the results.
+/// Returns the FNV-1a hash of the bits of the results.
 std::uint64_t digest(const std::function<double(SplitMix64&)>& draw) {
   SplitMix64 random(5);
   std::uint64_t hash = 0xCBF29CE484222325u;
@@ -139,8 +139,8 @@ std::uint64_t digest(const std::function<double(SplitMix64&)>& draw) {
   return hash;
 }
 
-// These numbers hold on every processor, with every compiler and option: a value that changes here
-// changes results of virtual runs.
+// These numbers hold on every processor, with every compiler and option. If one changes, the
+// results of virtual runs change too.
 TEST(SameBits, OfElementaryFunctions) {
   using Random = SplitMix64;
   const auto wide = [](Random& r) { return 200 * r.uniform() - 100; };

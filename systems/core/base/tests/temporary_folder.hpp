@@ -9,7 +9,7 @@
 
 namespace slambed::testing {
 
-/// A fresh folder that goes away with its owner.
+/// A new folder that the destructor removes.
 class TemporaryFolder {
  public:
   TemporaryFolder() {

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Cost of the extraction stages on a synthetic 640x480 image, all eight levels together, with both
-// sets of kernels: features_bench --benchmark_filter=.
+// Times the extraction stages on a synthetic 640x480 image, over all eight levels, with the fastest
+// and the portable kernels: features_bench --benchmark_filter=.
 #include <benchmark/benchmark.h>
 
 #include <algorithm>
@@ -20,8 +20,8 @@ namespace {
 
 constexpr int kWidth = 640, kHeight = 480;
 
-/// Boxes of random size and gray with a little noise: about 7,000 corners over the pyramid, as in a
-/// cluttered room.
+/// Boxes of random size and gray level with slight noise: about 7,000 corners over the pyramid, as
+/// in a cluttered room.
 const std::vector<std::uint8_t>& scene() {
   static const std::vector<std::uint8_t> pixels = [] {
     std::mt19937 random(1);
@@ -163,7 +163,7 @@ void RgbdFrame(benchmark::State& state) {
         extractor, shared, view(), {depth.data(), kWidth, kHeight, kWidth}, 1.0 / 5000));
 }
 
-/// Matching alone of a pair 20 px apart.
+/// Matching without extraction, for a pair with 20 px disparity.
 void Stereo(benchmark::State& state) {
   OrbExtractor left{OrbOptions{}}, right{OrbOptions{}};
   auto rectified = std::make_shared<Sensor>(*sensor());

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// A vocabulary file whose checksum is right and whose content is anything: usable, or refused.
+// A vocabulary file with a valid checksum and arbitrary content must be usable or rejected.
 #include <unistd.h>
 #include <zlib.h>
 
@@ -43,7 +43,7 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
   using namespace slambed;
   static const std::vector<std::uint8_t> valid = testing::valid_file();
   static const std::vector<Descriptor> query = testing::image(3);
-  // The version and the sizes may be edited too.
+  // Edits may also change the version and the sizes.
   std::vector<std::uint8_t> file = testing::edited(valid, 4, {data, size});
   const auto crc = static_cast<std::uint32_t>(
       ::crc32_z(0, file.data() + testing::kHeaderBytes, file.size() - testing::kHeaderBytes));

@@ -76,7 +76,7 @@ TEST(CornerDetector, FindsFullContrastCorners) {
 }
 
 TEST(CornerDetector, ACellUsesTheLowThresholdOnlyWhereTheHighOneFindsNothing) {
-  const cv::Mat image = textured_image(333, 251, 7) / 4;  // weak contrast: both kinds of cell
+  const cv::Mat image = textured_image(333, 251, 7) / 4;  // weak contrast gives both kinds of cells
   const Found all = opencv_fast(image, 7), strong = opencv_fast(image, 20);
   const Found kept = detect(image, 20, 7);
 

@@ -104,7 +104,7 @@ TEST_P(CornerSelectorTest, WorksOnFlatAndTallRegions) {
   }
 }
 
-/// The rule of the grid, written out: by rank in the cell, then response, then raster order.
+/// Reference for the grid rule: sorts by rank in the cell, then response, then raster order.
 std::vector<Corner> by_the_rule(const DetectionRegion& r, int quota,
                                 const std::vector<Corner>& corners) {
   const double side = std::sqrt(static_cast<double>(r.width()) * r.height() / quota);

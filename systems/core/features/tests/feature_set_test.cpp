@@ -111,7 +111,7 @@ TEST(FeatureSet, RefusesWhatDoesNotFit) {
 class RgbdFeatures : public ::testing::Test {
  protected:
   RgbdFeatures() : gray_(testing::textured_image(640, 480, 3)), depth_(480, 640, CV_16U) {
-    // Every pixel has its own depth, each fifth none.
+    // Each pixel has a different depth, and every fifth has none.
     for (int y = 0; y < 480; ++y)
       for (int x = 0; x < 640; ++x)
         depth_.at<std::uint16_t>(y, x) =

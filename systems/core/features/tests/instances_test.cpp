@@ -28,7 +28,7 @@ FeatureSet features_at(std::shared_ptr<const Sensor> with, std::vector<Eigen::Ve
   return {std::move(with), points, std::vector<Descriptor>(points.size())};
 }
 
-/// An instance that covers columns 40 to 59 of rows 20 to 29.
+/// Returns an instance that covers columns 40 to 59 of rows 20 to 29.
 FrameMasks block(bool moves) {
   Instance found{
       .object_class = 0, .moves = moves, .score = 1, .runs = {20 * kWidth + 40}, .body = {}};
@@ -59,7 +59,7 @@ TEST(Instances, WhatDoesNotMoveKeepsItsFeatures) {
 TEST(Instances, MasksLieInThePictureAsTheLensMadeIt) {
   auto bent = small_sensor();
   bent->camera.distortion = {-0.3, 0.1, 0, 0, 0};
-  // Raw pixels just inside and just outside of the mask, as extraction undistorts them.
+  // Raw pixels just inside and just outside the mask, undistorted as extraction does.
   const auto ideal = [&](double u, double v) {
     return bent->camera.undistort(u, v).cast<float>().eval();
   };

@@ -42,7 +42,7 @@ TEST(Kernels, BlurIsTheGaussianOfOpenCvWithinRounding) {
 TEST(Kernels, MomentsSumUpTheDisc) {
   const cv::Mat noise = testing::noise_image(60, 50, 4);
   cv::Mat bright = noise.clone();
-  bright.rowRange(26, 50) = cv::Scalar(255);  // the largest sums there are
+  bright.rowRange(26, 50) = cv::Scalar(255);  // gives the largest possible sums
   bright.rowRange(0, 25) = cv::Scalar(0);
   for (const cv::Mat& image : {noise, bright}) {
     const PaddedPlane plane = testing::padded(image);
@@ -117,7 +117,7 @@ TEST(Kernels, DescribeRotatesThePatternAndCompares) {
 TEST(Kernels, SlidingPatchesAddsUpWhatOneReadsInTheImages) {
   const cv::Mat noise = testing::noise_image(80, 30, 7);
   cv::Mat contrast = noise.clone(), shifted;
-  contrast = contrast > 128;  // the largest sums there are
+  contrast = contrast > 128;  // gives the largest possible sums
   for (const cv::Mat& left : {noise, contrast})
     for (const int shift : {0, 3, -4, 5, -5, 9}) {
       cv::copyMakeBorder(left, shifted, 0, 0, 12, 12, cv::BORDER_WRAP);

@@ -23,8 +23,8 @@ namespace {
 std::atomic<long> allocations{0};
 }
 
-// Counts what the whole program allocates, so that a test can say "nothing". Not inlined, because
-// gcc then takes the pair for a mismatch.
+// Counts all allocations of the program, so that a test can check for none. Not inlined, because
+// gcc would then warn of mismatched new and delete.
 [[gnu::noinline]] void* operator new(std::size_t size) {
   ++allocations;
   if (void* memory = std::malloc(size ? size : 1)) return memory;
@@ -93,8 +93,8 @@ TEST(OrbExtractor, SameImageSameBytesWhateverTheKernelsAndTheHistory) {
 }
 
 TEST(OrbExtractor, EveryMachineFindsTheseBytes) {
-  // Seen on x86-64 with and without AVX2 and on arm64. If a deliberate change of the algorithm
-  // alters it, results and cached features from before can no longer be compared with new ones.
+  // Measured on x86-64 with and without AVX2 and on arm64. If a deliberate change of the algorithm
+  // alters it, earlier results and cached features are no longer comparable with new ones.
   std::mt19937 random(1);
   cv::Mat image(300, 400, CV_8U, cv::Scalar(128));
   for (int box = 0; box < 500; ++box) {
@@ -175,8 +175,8 @@ TEST(OrbExtractor, RefusesHugeImages) {
 }
 
 TEST(OrbExtractor, DescriptorsAreThoseOfOpenCv) {
-  // Same pattern, same bit order, same sense of rotation: published vocabularies can be used. Blurs
-  // round differently, which flips the bits of nearly equal pixels.
+  // Pattern, bit order and sense of rotation are the same, so published vocabularies can be used.
+  // The blurs round differently, which flips the bits of nearly equal pixels.
   const cv::Mat image = textured_image(640, 480, 5);
   OrbExtractor extractor({.features = 400, .levels = 1, .subpixel = false});
   const Features f = extract(extractor, image);
@@ -202,8 +202,8 @@ struct Warp {
   double degrees, scale;
 };
 
-/// Share of the features of an image that find themselves again after a warp, of those whose place
-/// is still well inside: best match by Hamming distance, at the right place and below the limit.
+/// Returns the share of features that are matched correctly after a warp, among those still well
+/// inside the image: the best Hamming match is at the right position and below the limit.
 double found_again(const cv::Mat& image, const Warp& warp, double* mean_turn_error_deg = nullptr) {
   const cv::Mat to_warped =
       cv::getRotationMatrix2D({image.cols / 2.0f, image.rows / 2.0f}, warp.degrees, warp.scale);
@@ -229,7 +229,7 @@ double found_again(const cv::Mat& image, const Warp& warp, double* mean_turn_err
     const RawKeyPoint& m = b.keypoints[who];
     if (std::hypot(m.x - x, m.y - y) > 3 * pyramid.scale[m.octave]) continue;
     ++right;
-    // OpenCV turns counter-clockwise on the screen, where y points down.
+    // OpenCV rotates counter-clockwise as seen on the screen, where y points down.
     turn_error += std::abs(std::remainder(m.angle_deg - p.angle_deg + warp.degrees, 360.0));
   }
   if (mean_turn_error_deg) *mean_turn_error_deg = turn_error / std::max(1, right);

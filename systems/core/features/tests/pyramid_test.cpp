@@ -57,7 +57,7 @@ TEST(ImagePyramid, LevelsHaveTheRoundedSizes) {
 TEST(ImagePyramid, StopsBeforeLevelsThatAreTooSmall) {
   ImagePyramid pyramid(ScalePyramid().scale, fastest_kernels());
   pyramid.build(view(textured_image(60, 50, 1)));
-  EXPECT_EQ(pyramid.levels(), 3);  // 50, 42, 35, then 29 px
+  EXPECT_EQ(pyramid.levels(), 3);  // heights 50, 42, 35; the next would be 29 px
   pyramid.build(view(textured_image(20, 20, 1)));
   EXPECT_EQ(pyramid.levels(), 0);
   pyramid.build(view(textured_image(200, 200, 1)));

@@ -24,7 +24,7 @@ std::shared_ptr<const Sensor> stereo_sensor(double bf = kBf, double k1 = 0) {
   return s;
 }
 
-/// A wall seen at an angle: the disparity of left pixel (x, y) is base + slope_x * x + slope_y * y.
+/// A wall seen at an angle, with disparity base + slope_x * x + slope_y * y at left pixel (x, y).
 struct Wall {
   double base, slope_x, slope_y;
   double disparity(double x, double y) const { return base + slope_x * x + slope_y * y; }
@@ -95,7 +95,7 @@ TEST_F(StereoTest, UnrelatedImagesHardlyMatch) {
 }
 
 TEST_F(StereoTest, NothingBehindTheOppositeShift) {
-  // Swapped images: every true disparity is negative.
+  // The images are swapped, so every true disparity is negative.
   const cv::Mat left = testing::textured_image(640, 480, 14);
   const auto set = features(Wall{40, 0, 0}.right_image(left), left);
   const auto matched = std::count_if(set->keypoints().begin(), set->keypoints().end(),

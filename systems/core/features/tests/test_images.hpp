@@ -29,7 +29,7 @@ inline cv::Mat noise_image(int width, int height, unsigned seed) {
   return image;
 }
 
-/// Overlapping boxes and discs of all sizes, slightly blurred: corners on every pyramid level.
+/// Draws overlapping boxes and discs of all sizes, slightly blurred: corners on every level.
 inline cv::Mat textured_image(int width, int height, unsigned seed) {
   std::mt19937 random(seed);
   const auto below = [&](int n) { return static_cast<int>(random() % static_cast<unsigned>(n)); };
@@ -48,7 +48,7 @@ inline cv::Mat textured_image(int width, int height, unsigned seed) {
   return image;
 }
 
-/// The image with the room around its rows that kernels need.
+/// Returns the image with the padding that kernels need.
 inline PaddedPlane padded(const cv::Mat& image) {
   PaddedPlane plane;
   plane.resize(image.cols, image.rows);

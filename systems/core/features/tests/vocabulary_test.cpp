@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The vocabulary tree: training, words, weights, similarity, files good and bad.
+// The vocabulary tree: training, words, weights, similarity, valid and damaged files.
 #include "features/vocabulary.hpp"
 
 #include <gtest/gtest.h>
@@ -31,7 +31,7 @@ Descriptor flip_bits(Descriptor d, int bits, std::mt19937_64& random) {
   return d;
 }
 
-/// A world of landmarks; an image of a place sees that place's landmarks with a few bits wrong.
+/// Places with landmarks. An image of a place has its landmarks' descriptors with few bits flipped.
 struct Scene {
   explicit Scene(int places, int per_place = 80) {
     for (int p = 0; p < places; ++p) {
@@ -140,11 +140,11 @@ TEST_F(VocabularyFile, EveryFlippedByteAndEveryCutIsNoticed) {
     std::ofstream(folder_ / "bad.slv", std::ios::binary) << bytes;
   };
   for (std::size_t i = 0; i < good.size(); i += i < 24 ? 1 : 37) {
-    if (i == 10 || i == 11) continue;  // reserved bytes of the header carry nothing
+    if (i == 10 || i == 11) continue;  // reserved bytes of the header are ignored
     std::string bad = good;
     bad[i] = static_cast<char>(bad[i] ^ 0x41);
     write(bad);
-    if (i >= 6 && i < 10) continue;  // branching and depth are only informative
+    if (i >= 6 && i < 10) continue;  // branching and depth are not checked against the tree
     EXPECT_THROW(Vocabulary::load(folder_ / "bad.slv"), Error) << "byte " << i;
   }
   for (const std::size_t cut :
@@ -169,7 +169,7 @@ TEST_F(VocabularyFile, DamageUnderARightChecksumIsRefusedOrHarmless) {
   for (int i = 0; i < kTries; ++i) {
     auto bad = good;
     for (std::uint32_t n = 1 + random() % 3; n > 0; --n) {
-      // Mostly in the links and levels, where damage could lead astray.
+      // Mostly damage links and levels, which a reader follows.
       const std::size_t record = kHeader + random() % ((bad.size() - kHeader) / kRecord) * kRecord;
       const bool header = random() % 8 == 0;
       bad[header ? 4 + random() % 16 : record + kLinks + random() % 16] =
@@ -179,7 +179,7 @@ TEST_F(VocabularyFile, DamageUnderARightChecksumIsRefusedOrHarmless) {
         static_cast<std::uint32_t>(::crc32_z(0, bad.data() + kHeader, bad.size() - kHeader));
     for (int b = 0; b < 4; ++b) bad[20 + b] = static_cast<std::uint8_t>(crc >> (8 * b));
     try {
-      // What is taken for a vocabulary must be usable as one.
+      // An accepted vocabulary must be usable.
       const BagOfWords bag = Vocabulary::parse(bad, "bad").transform(image);
       EXPECT_LE(similarity(bag, bag), 1 + 1e-6);
     } catch (const Error& error) {
@@ -202,7 +202,7 @@ TEST(DefaultVocabulary, IsBuiltInAndTellsPlacesApart) {
 }
 
 TEST_F(VocabularyFile, ReadsDbow2Text) {
-  // Two children of the root, the first of them with two leaves of its own.
+  // The root has two children, the first of which has two leaves.
   const auto line = [](int parent, bool leaf, int byte, const char* weight) {
     std::string text = std::to_string(parent) + (leaf ? " 1" : " 0");
     for (int i = 0; i < 32; ++i) text.append(" ").append(std::to_string(byte));

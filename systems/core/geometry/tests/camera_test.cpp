@@ -6,13 +6,13 @@
 namespace slambed {
 namespace {
 
-/// A strong real lens: TUM RGB-D freiburg1 (its published calibration).
+/// A real lens with strong distortion: the published calibration of TUM RGB-D freiburg1.
 Camera strong_lens() {
   return {640,        480,        517.306408, 516.469215,
           318.643040, 255.313989, 40,         {0.262383, -0.953104, -0.005358, 0.002628, 1.163314}};
 }
 
-/// The lens model forwards, written from OpenCV's documented formula.
+/// Applies the distortion, written from OpenCV's documented formula.
 Eigen::Vector2d by_formula(const Camera& c, const Eigen::Vector2d& pixel) {
   const double x = (pixel.x() - c.cx) / c.fx, y = (pixel.y() - c.cy) / c.fy, r2 = x * x + y * y;
   const auto& [k1, k2, p1, p2, k3] = c.distortion;

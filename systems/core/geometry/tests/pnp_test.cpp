@@ -51,7 +51,7 @@ TEST(P3p, OneSolutionIsTheTruth) {
     }
     exact += best < 1e-5;
   }
-  // Double roots lose digits; a handful of random triangles come close to one.
+  // Double roots lose digits, and a few random triangles come close to one.
   EXPECT_GE(exact, kScenes * 98 / 100);
 }
 
@@ -75,8 +75,8 @@ TEST(PnpRansac, FindsThePoseAmongFortyPercentOutliers) {
     }
     const auto result = solve_pnp_ransac(test_camera(), matches);
     ASSERT_TRUE(result) << "seed " << seed;
-    // A bare three-point pose: half a pixel of noise is about 1 mrad and 1 cm, amplified by thin
-    // samples.
+    // A P3P pose without refinement: half a pixel of noise is about 1 mrad and 1 cm, and thin
+    // triangles amplify it.
     EXPECT_LT(pose_error(result->T_cw, scene.T_cw), 0.15) << "seed " << seed;
     EXPECT_GE(result->inliers, 30) << "seed " << seed;
   }

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Digests over every bit of what geometry computes. CTest runs this a second time as on an older
-// processor, for which the C library has other variants of sin, exp and log.
+// Digests over every bit of geometry results. CTest also runs this with the features of an older
+// processor, for which the C library selects other variants of sin, exp and log.
 #include <gtest/gtest.h>
 
 #include <bit>

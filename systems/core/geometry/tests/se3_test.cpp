@@ -19,7 +19,7 @@ Eigen::Matrix4d generator(const Twist& twist) {
   return m;
 }
 
-/// Angles around every switch of formula, from nothing to just below and at pi.
+/// Angles on both sides of every switch of formula, from zero to just below pi.
 const double kAngles[] = {
     0, 1e-12, 1e-7, 1e-4, 9.99e-3, 1.001e-2, 0.3, 1.57, 2.5, 3.1, std::numbers::pi - 1e-7};
 const Eigen::Vector3d kAxes[] = {{1, 0, 0}, {0, 0, -1}, {0.36, -0.48, 0.8}, {-0.6, 0.8, 0}};
@@ -70,7 +70,7 @@ TEST(SE3Test, NormalizingRepairsALongChain) {
   SE3 chain;
   const SE3 step = SE3::exp((Twist() << 0.01, 0, 0, 0.02, -0.01, 0.03).finished());
   for (int i = 0; i < 1000; ++i) chain = step * chain;
-  chain.R *= 1 + 1e-6;  // drift, exaggerated
+  chain.R *= 1 + 1e-6;  // exaggerated drift
   const SE3 repaired = chain.normalized();
   EXPECT_LT((repaired.R * repaired.R.transpose() - Eigen::Matrix3d::Identity()).norm(), 1e-14);
   EXPECT_LT((repaired.R - chain.R).norm(), 1e-5);

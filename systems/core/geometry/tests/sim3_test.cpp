@@ -20,7 +20,7 @@ double difference(const Sim3& a, const Sim3& b) {
   return std::abs(a.scale - b.scale) + (a.R - b.R).norm() + (a.t - b.t).norm();
 }
 
-/// exp of the 4x4 matrix by its power series: the definition.
+/// Returns exp by definition: the power series of the 4x4 matrix.
 Sim3 series_exp(const Vector7& x) {
   Eigen::Matrix4d X = Eigen::Matrix4d::Zero();
   X << x(6), -x(5), x(4), x(0), x(5), x(6), -x(3), x(1), -x(4), x(3), x(6), x(2), 0, 0, 0, 0;
@@ -94,7 +94,7 @@ TEST(Sim3, LeftJacobianInverseIsTheDerivativeOfLog) {
 }
 
 TEST(Sim3, ScaledWorldsProjectAlike) {
-  // A camera at S seen as a pose: the ray to a point S^-1 p keeps its direction.
+  // Converting S to a pose keeps the direction of the ray to the point S^-1 p.
   std::mt19937 random(6);
   const Sim3 S = sim3_exp(random_tangent(random, 1, 0.5));
   const Eigen::Vector3d p_c(0.3, -0.2, 2);

@@ -5,7 +5,7 @@
 
 namespace slambed::testing {
 
-/// One camera of 640 x 480 without distortion.
+/// Returns a 640 x 480 camera without distortion.
 inline Camera test_camera() {
   Camera camera;
   camera.width = 640, camera.height = 480;

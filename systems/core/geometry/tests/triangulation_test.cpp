@@ -41,7 +41,7 @@ TEST(TriangulationTest, NoiseOfHalfAPixelMovesThePointLittle) {
     ASSERT_TRUE(got);
     sum += (*got - p).squaredNorm();
   }
-  // z^2 / baseline * sigma * sqrt(2) = 18 mm for this pair; twice that is a broken solver.
+  // z^2 / baseline * sigma * sqrt(2) = 18 mm for this pair; more than twice that means a bug.
   EXPECT_LT(std::sqrt(sum / 200), 0.036);
 }
 

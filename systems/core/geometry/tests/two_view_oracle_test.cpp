@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Homography and fundamental matrix beside OpenCV's on the same pairs.
+// Compares homography and fundamental matrix with OpenCV's on the same pairs.
 #include <gtest/gtest.h>
 
 #include <Eigen/LU>
@@ -17,7 +17,7 @@ struct Pairs {
   std::vector<cv::Point2d> first, second;
 };
 
-/// Seen by a camera of f = 500 px that moves sideways and turns a little.
+/// Makes pairs from a camera (f = 500 px) that moves sideways and rotates slightly.
 Pairs make_pairs(unsigned seed, bool flat, double noise_px) {
   std::mt19937 random(seed);
   std::uniform_real_distribution<double> u(0, 640), v(0, 480), depth(2, 10);
@@ -72,7 +72,7 @@ TEST(TwoViewOracle, TheSameHomographyAsOpenCv) {
     const Eigen::Matrix3d scaled = *ours / (*ours)(2, 2);
     EXPECT_LT((scaled - theirs).norm(), 1e-6 * theirs.norm()) << seed;
     EXPECT_LT(homography_rms(*ours, exact.ours), 1e-6);
-    // With noise OpenCV goes on to the least reprojection error; the linear fit is close to it.
+    // With noise, OpenCV also minimizes the reprojection error; the linear fit must come close.
     const Pairs noisy = make_pairs(seed, true, 0.5);
     const auto linear = fit_homography(noisy.ours);
     const Eigen::Matrix3d refined = to_eigen(cv::findHomography(noisy.first, noisy.second, 0));

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Two views of an unknown scene: exact, noisy, with outliers, flat, almost without parallax.
+// Two views of an unknown scene: exact, noisy, with outliers, planar, with little parallax.
 #include "geometry/two_view.hpp"
 
 #include <gtest/gtest.h>
@@ -16,14 +16,14 @@ namespace {
 
 using testing::test_camera;
 
-/// Points in front of two cameras and what both see of them.
+/// Points in front of two cameras and their pixels in both.
 struct Scene {
   Scene(unsigned seed, const SE3& motion) : random(seed), T_21(motion) {}
 
   double uniform(double low, double high) {
     return std::uniform_real_distribution<double>(low, high)(random);
   }
-  /// A match of something at a depth that depends on where it is seen.
+  /// Adds matches of points whose depth is a function of the pixel.
   template <typename Depth>
   void add(int count, double noise_px, Depth depth) {
     std::normal_distribution<double> noise(0, noise_px > 0 ? noise_px : 1);
@@ -46,7 +46,7 @@ struct Scene {
   void add_deep(int count, double noise_px = 0) {
     add(count, noise_px, [this](double, double) { return uniform(2, 10); });
   }
-  /// A wall that is seen at an angle.
+  /// Adds points of a wall seen at an angle.
   void add_flat(int count, double noise_px = 0) {
     add(count, noise_px,
         [](double u, double v) { return 4 / (1 + 0.0001 * (u - 320) - 0.0005 * (v - 240)); });
@@ -61,7 +61,7 @@ struct Scene {
   std::mt19937 random;
   SE3 T_21;
   std::vector<PixelPair> pairs;
-  std::vector<Eigen::Vector3d> truth;  ///< in the first camera's frame; behind it: nonsense
+  std::vector<Eigen::Vector3d> truth;  ///< in the first camera's frame; z < 0 marks nonsense
 };
 
 SE3 sideways(double meters = 0.5) {
@@ -70,7 +70,7 @@ SE3 sideways(double meters = 0.5) {
   return SE3::exp(twist);
 }
 
-/// Along a wall only one motion keeps all of it in front of the camera.
+/// Moves along a wall, so that only one motion keeps the whole wall in front of the camera.
 SE3 along() {
   Eigen::Matrix<double, 6, 1> twist;
   twist << -0.5, 0.05, 0, 0.02, 0.01, 0.02;
@@ -85,7 +85,7 @@ double direction_error_deg(const TwoViewResult& found, const Scene& scene) {
   const double cosine = found.T_21.t.normalized().dot(scene.T_21.t.normalized());
   return std::acos(std::min(1.0, cosine)) * 180 / std::numbers::pi;
 }
-/// Largest error of a kept point relative to its distance, in the scale of the true baseline.
+/// Returns the largest error of a kept point relative to its distance, scaled by the true baseline.
 double worst_point(const TwoViewResult& found, const Scene& scene) {
   double worst = 0;
   for (std::size_t i = 0; i < scene.pairs.size(); ++i) {
@@ -126,7 +126,7 @@ TEST(TwoView, AFlatSceneIsExactWithoutNoise) {
 }
 
 TEST(TwoView, TwoMotionsThatExplainAWallEquallyWellAreNoResult) {
-  // Towards a tilted wall: a second motion, along another wall, keeps all of it in front too.
+  // When moving towards a tilted wall, a second motion along another wall also explains all points.
   Eigen::Matrix<double, 6, 1> twist;
   twist << -0.1, 0, -0.6, 0, 0.02, 0;
   Scene scene(7, SE3::exp(twist));
@@ -173,7 +173,7 @@ TEST(TwoView, AThirdOfNonsenseIsLeftOut) {
     EXPECT_LT(direction_error_deg(found, scene), 3);
     int kept_nonsense = 0;
     for (std::size_t i = 200; i < 300; ++i) kept_nonsense += found.good[i];
-    EXPECT_LE(kept_nonsense, 8) << seed;  // those that happen to lie on their epipolar line
+    EXPECT_LE(kept_nonsense, 8) << seed;  // some lie on their epipolar line by chance
   }
 }
 
@@ -190,7 +190,7 @@ TEST(TwoView, WithoutMotionThereIsNoResult) {
 }
 
 TEST(TwoView, LittleParallaxIsNamedAsSuch) {
-  // Exact matches over a baseline of a fiftieth of the least depth.
+  // Exact matches with a baseline of a fiftieth of the least depth.
   Scene scene(4, sideways(0.04));
   scene.add_deep(300);
   EXPECT_EQ(reconstruct_two_views(test_camera(), scene.pairs).outcome,

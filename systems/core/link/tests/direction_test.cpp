@@ -110,10 +110,10 @@ TEST(Direction, ARateTraceGivesOnePacketPerOpportunityAndRepeats) {
   model.start(0);
   EXPECT_EQ(model.admit(0, 1500).due_ns, 2 * kMs);
   EXPECT_EQ(model.admit(0, 700).due_ns, 5 * kMs);
-  EXPECT_EQ(model.admit(0, 700).due_ns, 5 * kMs);  // shares the opportunity with the one before
+  EXPECT_EQ(model.admit(0, 700).due_ns, 5 * kMs);  // shares the previous packet's opportunity
   EXPECT_EQ(model.admit(0, 1500).due_ns,
-            10 * kMs);  // 100 bytes left do not hold it: the next one does
-  EXPECT_EQ(model.admit(13 * kMs, 1500).due_ns, 15 * kMs);  // the one at 12 ms passed unused
+            10 * kMs);  // only 100 bytes are left: also needs the next opportunity
+  EXPECT_EQ(model.admit(13 * kMs, 1500).due_ns, 15 * kMs);  // the one at 12 ms was not used
 }
 
 TEST(Direction, ARateTraceBeginsAnewAtRunTimeZero) {
@@ -185,7 +185,7 @@ TEST(Direction, BurstsInTimeComeAndGoWhateverIsSent) {
   constexpr std::int64_t kEnd = 2000 * kSecond;
   for (std::int64_t now = 0; now < kEnd; now += 5 * kMs) {
     const bool now_lost = busy.admit(now, 100).fate == Fate::kLost;
-    if (now % (1500 * kMs) == 0) {  // hardly ever a packet: it meets the same bursts
+    if (now % (1500 * kMs) == 0) {  // few packets, yet the same bursts
       EXPECT_EQ(idle.admit(now, 100).fate == Fate::kLost, now_lost) << now;
     }
     lost += now_lost;
@@ -200,7 +200,7 @@ TEST(Direction, BurstsInTimeComeAndGoWhateverIsSent) {
 }
 
 TEST(Direction, BurstsInTimeAreThoseOfTheHarness) {
-  // Backend netem is switched by the harness at these times: test_link_bursts.py has the same.
+  // The harness switches backend netem at these times; test_link_bursts.py has the same numbers.
   constexpr std::int64_t kTurns_ns[2][6] = {
       {80'247'019, 180'761'820, 1'320'400'379, 1'457'263'917, 1'673'072'515, 1'851'620'767},
       {889'268'368, 1'483'319'504, 4'201'529'243, 4'355'098'889, 6'842'238'566, 7'003'469'677}};
@@ -245,7 +245,7 @@ TEST(Direction, AProbeChangesNothingForTheData) {
       ASSERT_EQ(a.fate, b.fate) << now;
       ASSERT_EQ(a.due_ns, b.due_ns) << now;
     }
-    // Behind a full queue a probe waits as long as a packet would: 4 ms.
+    // Behind a full queue a probe waits 4 ms, as a data packet would.
     if (packets > 0 && probe.fate == Fate::kDelivered) waited += probe.due_ns - now > 5 * kMs;
   }
   EXPECT_GT(answered, 7000);

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-/// Asked against drawn statistics, each within 3 standard errors; the seeds are fixed, so a pass
-/// stays a pass.
+/// Drawn statistics are within 3 standard errors of the configured ones. The seeds are fixed, so
+/// the result does not vary.
 #include "link/impairment.hpp"
 
 #include <gtest/gtest.h>
@@ -119,7 +119,7 @@ TEST(Jitter, IsCutAtItsMaximum) {
   EXPECT_EQ(largest, static_cast<std::int64_t>(10 * kMsInNs));
 }
 
-/// FNV-1a over all draws. A scale this large shows every bit of what is drawn.
+/// FNV-1a over all draws. The large scale makes differences in the last bits of a draw visible.
 std::uint64_t digest(JitterOptions options) {
   options.scale_ns = 1e14;
   JitterModel model(options, 7, 1);

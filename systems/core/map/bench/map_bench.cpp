@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// What a commit costs (a new keyframe, a bundle adjustment's result) and a copy of the whole map,
-// for which it is held, by map size.
+// Times a commit (a new keyframe, the result of a bundle adjustment) and a copy of the whole map,
+// which holds the shared lock, by map size.
 #include <benchmark/benchmark.h>
 
 #include "../tests/map_fixture.hpp"

@@ -13,7 +13,7 @@
 namespace slambed {
 namespace {
 
-/// Views of a few things that resemble each other, so that medians tie.
+/// Returns similar descriptors, so that medians tie.
 std::vector<Descriptor> some_descriptors(std::size_t count, unsigned seed) {
   std::mt19937_64 random(seed);
   Descriptor middle;
@@ -30,7 +30,7 @@ TEST(DescriptorDistance, EveryImplementationCountsTheSameBits) {
   if (has_popcnt() && popcnt_distance()) runnable.push_back(popcnt_distance());
   if (vector_set() >= VectorSet::kAvx512) runnable.push_back(avx512_distance());
   auto all = some_descriptors(70, 1);
-  for (std::size_t i = 0; i < 4; ++i) all[5][i] = ~all[4][i];  // as far apart as can be
+  for (std::size_t i = 0; i < 4; ++i) all[5][i] = ~all[4][i];  // the largest possible distance
   std::vector<const Descriptor*> pointers;
   std::vector<int> which;
   for (std::size_t i = 0; i < all.size(); ++i) {

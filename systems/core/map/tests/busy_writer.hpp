@@ -10,11 +10,11 @@
 
 namespace slambed::testing {
 
-/// Commits again and again on a thread of its own, as tracking and mapping do while something else
-/// looks at the whole map.
+/// Commits continuously on its own thread, as tracking and mapping do while another module reads
+/// the whole map.
 class BusyWriter {
  public:
-  /// change: of the map, given a number that grows.
+  /// change: returns the next delta, given a counter.
   BusyWriter(Map& map, std::function<MapDelta(std::uint32_t)> change)
       : thread_([this, &map, change = std::move(change)] {
           for (std::uint32_t number = 1; !done_; ++number) {
@@ -30,7 +30,7 @@ class BusyWriter {
 
   int commits() const { return commits_; }
 
-  /// Repeats until held() or a minute is over; the last answer of held().
+  /// Repeats until held() is true or a minute has passed; returns whether it became true.
   static bool until(const std::function<bool()>& held) {
     const auto begin = std::chrono::steady_clock::now();
     while (std::chrono::steady_clock::now() - begin < std::chrono::minutes(1))

@@ -54,7 +54,7 @@ TEST(Commit, OlderVersionsAreStale) {
   EXPECT_EQ(report.applied, 0);
   EXPECT_EQ(report.stale, 2);
   EXPECT_EQ(on_point(map, 1, [](auto& p) { return p.p_w.z(); }), 3);
-  // Somebody else reached the same version with another value: theirs stays.
+  // Another module reached the same version with another value, so its value stays.
   older.positions = {{pt(1), {0, 0, 0}, 5}};
   older.poses.clear();
   EXPECT_EQ(map.commit(older).stale, 1);
@@ -74,9 +74,9 @@ TEST(Commit, EditsOfUnknownElementsAreCountedAndIgnored) {
   delta.culled_points = {pt(500)};
   delta.culled_keyframes = {kf(7)};
   delta.points = {new_point(0)};
-  delta.points[0].id = {(std::uint64_t{9} << 56) | 1};  // no such role
+  delta.points[0].id = {(std::uint64_t{9} << 56) | 1};  // no such IdSpace
   delta.points.push_back(delta.points[0]);
-  delta.points[1].id = {kMobile | (std::uint64_t{1} << 50)};  // nobody counts that far
+  delta.points[1].id = {kMobile | (std::uint64_t{1} << 50)};  // beyond kMaxSlots
   delta.keyframes = {new_keyframe(9, {})};
   delta.keyframes[0].points.resize(3);  // not one per feature
   const CommitReport report = map.commit(delta);
@@ -116,7 +116,7 @@ TEST(Commit, PointThatLostObservationsIsCulledAtWeightTwo) {
     EXPECT_EQ(view.point_count(), 19u);
     return 0;
   });
-  // Culled ids never come back.
+  // A culled id cannot be used again.
   EXPECT_EQ(map.commit(two_keyframes()).unknown, 1);
 }
 
@@ -149,7 +149,7 @@ TEST(Commit, FusionMovesObservationsAndResolves) {
     EXPECT_EQ(survivor.weight, 6);
     EXPECT_EQ(survivor.visible, 16u);
     EXPECT_EQ(survivor.found, 11u);
-    // Keyframe 1 saw both 1 and 2: one of the features is free now. Keyframe 3 keeps its own.
+    // Keyframe 1 saw both points, so one of its features is free now. Keyframe 3 keeps its feature.
     EXPECT_EQ(view.keyframe(kf(1))->points[0], pt(3));
     EXPECT_FALSE(view.keyframe(kf(1))->points[2]);
     EXPECT_EQ(view.keyframe(kf(3))->points[2], pt(3));
@@ -198,7 +198,7 @@ TEST(Commit, AppearanceIsDerivedFromObservations) {
 }
 
 TEST(Commit, DescriptorIsTheOneClosestToTheOthers) {
-  // Five observations: four random descriptors and one between them, made by majority vote.
+  // Five observations: four random descriptors and their bit-wise majority.
   MapDelta delta;
   delta.points = {new_point(1)};
   Descriptor middle{};

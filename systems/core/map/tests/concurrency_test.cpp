@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Readers beside a writer always see whole commits. Run with the thread sanitizer to mean more.
+// Readers always see whole commits of a concurrent writer. Also run with the thread sanitizer.
 #include <gtest/gtest.h>
 
 #include <array>
@@ -17,7 +17,7 @@ TEST(Concurrency, ReadersSeeWholeCommitsOnly) {
   std::atomic<bool> done{false};
   std::atomic<int> broken{0};
   constexpr std::uint64_t kCommits = 60;
-  std::array<std::atomic<std::uint64_t>, 2> seen{};  ///< revision that each reader saw last
+  std::array<std::atomic<std::uint64_t>, 2> seen{};  ///< last revision that each reader saw
   const auto reader = [&](std::atomic<std::uint64_t>& mine) {
     std::uint64_t last = 0;
     while (!done) {
@@ -44,7 +44,7 @@ TEST(Concurrency, ReadersSeeWholeCommitsOnly) {
     for (std::uint64_t p = 1; p <= 10 * n - 10; ++p)
       delta.positions.push_back({pt(p), {number, 0, 2}, static_cast<std::uint32_t>(n)});
     map.commit(delta);
-    // Now and then the writer waits until both have seen its work, else it may run alone.
+    // The writer sometimes waits for both readers, so that it cannot finish before they read.
     if (n % 10 != 0) continue;
     while (seen[0] < map.revision() || seen[1] < map.revision()) std::this_thread::yield();
   }

@@ -6,14 +6,15 @@
 namespace slambed::testing {
 namespace {
 
-/// Chain of keyframes with forty points each; neighbors share twenty, next but one share `far`.
+/// Chain of keyframes with forty points each. Neighbors share twenty points, keyframes two apart
+/// share `far`.
 MapDelta chain(int keyframes, int far) {
   MapDelta delta;
   const int step = 20;
   for (int n = 1; n <= keyframes * step + 40; ++n) delta.points.push_back(new_point(n));
   for (int k = 1; k <= keyframes; ++k) {
     auto numbers = points_from(1 + (k - 1) * step, 40);
-    if (k > 2)  // replaces own points by points of the keyframe before the last
+    if (k > 2)  // replaces points by those of the keyframe two before
       for (int i = 0; i < far; ++i) numbers[39 - i] = 1 + (k - 3) * step + i;
     delta.keyframes.push_back(new_keyframe(k, numbers));
   }
@@ -40,7 +41,7 @@ TEST(Covisibility, WeakLinksAreListedOnlyWhenThereIsNothingBetter) {
   map.commit(chain(3, 10));
   EXPECT_EQ(covisibles(map, 1).size(), 1u);
   MapDelta weak;
-  weak.keyframes = {new_keyframe(9, {1, 2, 3, 4, 5, 21})};  // five of 1, six of 2 with point 21
+  weak.keyframes = {new_keyframe(9, {1, 2, 3, 4, 5, 21})};  // shares 6 with 1, 5 with 3, 1 with 2
   map.commit(weak);
   const auto of_weak = covisibles(map, 9);
   ASSERT_EQ(of_weak.size(), 1u);
@@ -57,11 +58,11 @@ TEST(Covisibility, FallsBackWhenTheStrongLinkIsCulled) {
   const auto of_first = covisibles(map, 1);
   ASSERT_EQ(of_first.size(), 1u);
   EXPECT_EQ(of_first[0].id, kf(3));
-  // Points only keyframes 1 and 2 had seen without depth are gone, so fewer than ten can remain.
+  // Points seen only by keyframes 1 and 2 without depth are culled, so at most ten can remain.
   EXPECT_LE(of_first[0].weight, 10);
 }
 
-/// Keyframe 2 lists ten points of keyframe 1 and ten of its own.
+/// Keyframe 2 lists ten points of keyframe 1 and ten points that it created.
 MapDelta second(bool observes_known) {
   MapDelta delta;
   for (int n = 101; n <= 110; ++n) {

@@ -32,7 +32,7 @@ inline std::shared_ptr<const Sensor> make_sensor() {
   return sensor;
 }
 
-/// n features with random descriptors; those with an even number have depth.
+/// Returns n features with random descriptors; those with an even index have depth.
 inline std::shared_ptr<const FeatureSet> make_features(int n, unsigned seed = 1) {
   static const auto sensor = make_sensor();
   std::mt19937_64 random(seed);
@@ -59,7 +59,7 @@ inline NewPoint new_point(std::uint64_t n, Eigen::Vector3d p_w = {0, 0, 2}) {
   return point;
 }
 
-/// Keyframe n whose feature i sees points[i] (0: none).
+/// Returns keyframe n, whose feature i sees points[i] (0: none).
 inline NewKeyFrame new_keyframe(std::uint64_t n, const std::vector<std::uint64_t>& points) {
   NewKeyFrame keyframe;
   keyframe.id = kf(n);
@@ -74,14 +74,14 @@ inline NewKeyFrame new_keyframe(std::uint64_t n, const std::vector<std::uint64_t
   return keyframe;
 }
 
-/// Numbers first, first + 1, ... as a keyframe's point list.
+/// Returns the numbers first, first + 1, ... as a keyframe's point list.
 inline std::vector<std::uint64_t> points_from(std::uint64_t first, int count) {
   std::vector<std::uint64_t> numbers(count);
   for (int i = 0; i < count; ++i) numbers[i] = first + i;
   return numbers;
 }
 
-/// Everything a reader can see, as text: equal texts mean equal maps.
+/// Returns everything a reader can see as text; equal texts mean equal maps.
 inline std::string dump(const Map& map) {
   return map.read([](const MapView& view) {
     std::ostringstream out;

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Random sequences of deltas: the derived state equals what counting everything afresh gives,
-// a repeated delta changes nothing, and the same sequence always ends in the same map.
+// Random sequences of deltas: derived state equals a recount from scratch, a repeated delta changes
+// nothing, and the same sequence always gives the same map.
 #include <gtest/gtest.h>
 
 #include <set>
@@ -56,7 +56,7 @@ class DeltaMaker {
         number = 1 + (points_ - 1 - random_() % std::min<std::uint64_t>(points_, 120));
       }
     }
-    // A keyframe sees a point once.
+    // A keyframe observes a point at most once.
     std::vector<std::uint64_t> sorted;
     for (auto& number : seen) {
       if (number && std::find(sorted.begin(), sorted.end(), number) != sorted.end()) number = 0;
@@ -163,7 +163,7 @@ void check_tree(const MapView& view) {
   }
 }
 
-/// Who only reads the journal knows which keyframes there are.
+/// The journal alone must give the set of keyframes.
 void check_journal(const MapView& view, std::size_t& read, std::set<KeyFrameId>& followed) {
   const auto& changes = view.keyframe_journal().changes;
   ASSERT_LE(changes.size() - read, 2u) << "one new keyframe and one culled per delta";

@@ -6,7 +6,7 @@
 namespace slambed::testing {
 namespace {
 
-/// Points 1..120 and keyframe 1; all features with depth are even ones, so weights stay high.
+/// Adds points 1..120 and keyframe 1.
 void begin(Map& map) {
   MapDelta delta;
   for (int n = 1; n <= 120; ++n) delta.points.push_back(new_point(n));
@@ -33,7 +33,7 @@ TEST(SpanningTree, ParentIsTheBestCovisibleAtFirstConnection) {
   EXPECT_FALSE(parent(map, 1));
   EXPECT_EQ(parent(map, 2), kf(1));
   EXPECT_EQ(parent(map, 3), kf(2));
-  add(map, 4, 22);  // now the best covisible of 3, but a parent is for life
+  add(map, 4, 22);  // now the best covisible of 3, but a parent does not change
   EXPECT_EQ(parent(map, 3), kf(2));
 }
 
@@ -50,7 +50,7 @@ TEST(SpanningTree, BatchOfKeyFramesHasNoCycle) {
   MapDelta delta;
   for (int n = 1; n <= 80; ++n) delta.points.push_back(new_point(n));
   for (int k = 4; k <= 9; ++k) delta.keyframes.push_back(new_keyframe(k, points_from(k, 40)));
-  delta.keyframes[2].parent = kf(2);  // was not sent along
+  delta.keyframes[2].parent = kf(2);  // not part of this delta
   map.commit(delta);
   map.read([](const MapView& view) {
     EXPECT_EQ(view.origin(), kf(4));

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// What each stage of a run costs on images of the generated room: extraction, matching, pose, local
-// mapping, places, loops, and maps as bytes.
+// Cost of each stage on images of the generated room: extraction, matching, pose, local mapping,
+// place recognition, loop closing, and map serialization.
 #include <benchmark/benchmark.h>
 
 #include "base/tests/temporary_folder.hpp"
@@ -26,7 +26,7 @@ constexpr int kLast = kFrames - 1;
 
 /// The first seconds of the usual walk, tracked and mapped frame by frame.
 class Played {
-  TemporaryFolder folder_;  ///< before what lies in it
+  TemporaryFolder folder_;  ///< declared before its users
 
  public:
   static Played& once() {
@@ -86,7 +86,7 @@ void Extract(benchmark::State& state) {
   for (auto _ : state) benchmark::DoNotOptimize(run.source.features(frame++ % kFrames));
 }
 
-/// Points of the newest keyframe, looked for in the last frame where its true pose expects them.
+/// Matches points of the newest keyframe with the last frame around their projections.
 struct Matching {
   Matching() {
     copy_seen_points(*run.map, run.newest, points);
@@ -191,7 +191,7 @@ void Relocalize(benchmark::State& state) {
   state.counters["found"] = static_cast<double>(found) / tried;
 }
 
-/// The second lap of a drifted round: from the loop that was found to the corrected map.
+/// Corrects the loop of a drifted second lap, from its detection to the corrected map.
 void CloseLoop(benchmark::State& state) {
   for (auto _ : state) {
     state.PauseTiming();
@@ -257,7 +257,7 @@ STAGE(SerializeKeyFrame);
 STAGE(ParseKeyFrame);
 STAGE(SerializeMap);
 STAGE(ParseMap);
-// Last: it counts observations (found, visible) in the map.
+// Runs last because tracking changes the tracker's state and observation counts.
 STAGE(TrackFrame);
 
 }  // namespace

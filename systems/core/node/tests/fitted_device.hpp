@@ -10,8 +10,8 @@
 
 namespace slambed::testing {
 
-/// The cost model of catalog/devices/NAME.yaml, as the harness hands it to virtual runs. Reads the
-/// one form that `slambed calibrate` writes: a line per stage.
+/// Reads the cost model in catalog/devices/NAME.yaml, as the harness passes it to virtual runs.
+/// Accepts only the format that `slambed calibrate` writes, one line per stage.
 inline DeviceModel fitted_device(const std::string& folder, const std::string& name) {
   const std::string path = folder + "/" + name + ".yaml";
   std::ifstream file(path);

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// The mapping worker and those who wait for it, in virtual time and live. No keyframe is mapped
-// here: what the stages do is tested with the mapper.
+// The mapping worker and its callers, in virtual time and live. No keyframe is mapped here; the
+// stages are tested with the mapper.
 #include "node/local_mapping.hpp"
 
 #include <gtest/gtest.h>
@@ -19,7 +19,7 @@ using namespace std::chrono_literals;
 
 constexpr KeyFrameId kKeyFrame{std::uint64_t{1} << 56 | 1};
 
-/// Logs what is of no interest here.
+/// A log whose content is not checked.
 class Log {
  public:
   Log() : log_(folder_.path() / "events.jsonl", NodeRole::kMobile) {
@@ -48,7 +48,7 @@ TEST(LocalMapping, DrainEndsWhenMappingIsParkedBeforeItTakesTheKeyframe) {
                        LocalMapping::Mode::kWorker);
   mapping.start();
   RunTime drained = kNever;
-  // Both at one instant: mapping has not had its turn yet when it is parked.
+  // Submits and parks at one instant, before mapping has had its turn.
   runtime.spawn("submitter", [&](Worker& worker) {
     worker.sleep_until(1s);
     mapping.submit(worker, kKeyFrame);
@@ -95,14 +95,14 @@ TEST(LocalMapping, WhoAsksMayWaitOrLook) {
     EXPECT_TRUE(first.wait(worker));
     EXPECT_EQ(worker.now(), 1s);
     EXPECT_FALSE(second.done());
-    // A change of map drops what waits: the third, not the second, which runs.
+    // A reset drops the third keyframe, which waits, not the second, which runs.
     const Completion third = mapping.submit(worker, keyframe(2));
     const Completion changed = mapping.reset(std::make_shared<Map>());
     EXPECT_FALSE(changed.done());
     EXPECT_TRUE(changed.wait(worker));
     EXPECT_TRUE(second.done() && third.done());
     EXPECT_EQ(worker.now(), 2s);
-    // Parked, it takes no keyframe, but goes on to another map.
+    // A parked mapper takes no keyframe, but switches to another map.
     mapping.park(true);
     const Completion fourth = mapping.submit(worker, keyframe(3));
     EXPECT_FALSE(fourth.wait(worker)) << "cannot complete";
@@ -129,7 +129,7 @@ TEST(LocalMapping, DrainMissesNoWakeUp) {
   std::atomic<int> drained{0};
   std::atomic<bool> over{false}, finished{false};
   mapping.start();
-  runtime.spawn("waker", [&](Worker& worker) {  // as a finished bundle does
+  runtime.spawn("waker", [&](Worker& worker) {  // like a finished bundle
     while (!worker.stopping() && !over) mapping.wake();
   });
   runtime.spawn("drainer", [&](Worker& worker) {
@@ -142,7 +142,7 @@ TEST(LocalMapping, DrainMissesNoWakeUp) {
     over = true;
     runtime.stop();
   });
-  runtime.spawn("watchdog", [&](Worker& worker) {  // the drainer stands still: it waits for ever
+  runtime.spawn("watchdog", [&](Worker& worker) {  // stops the run if the drainer hangs
     int before = -1;
     while (before != drained && !worker.stopping()) {
       before = drained;

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Loops closed behind a mapper: order of work, the bundle in the background and resets in virtual
-// time, and the same once with threads.
+// Loop closing after mapping: order of work, background bundle and resets in virtual time, and once
+// live with threads.
 #include "node/loop_closing.hpp"
 
 #include <gtest/gtest.h>
@@ -28,8 +28,8 @@ DeviceModel loop_device(double bundle_us) {
   return model;
 }
 
-/// A mapper without work of its own and loops behind it; keyframes come every 100 ms, the last one
-/// some time after the loop.
+/// A mapper that does no work itself, followed by loop closing. Keyframes come every 100 ms, the
+/// last one some time after the loop.
 class LoopClosingTest : public ::testing::Test {
  protected:
   using Mode = LocalMapping::Mode;
@@ -101,7 +101,7 @@ class LoopClosingTest : public ::testing::Test {
     return found;
   }
 
-  /// Bundles that were committed: their last stage is the mapping side's.
+  /// Counts committed bundles: their last stage runs on the mapping side.
   std::size_t bundles_committed() const {
     const auto stages = of("stage", "global_bundle");
     return static_cast<std::size_t>(
@@ -125,7 +125,7 @@ TEST_F(LoopClosingTest, ALoopIsClosedAndTheBundleFollowsInTheBackground) {
   const auto bundle = of("stage", "global_bundle");
   ASSERT_GE(bundle.size(), 3u);
   for (const auto& stage : bundle) EXPECT_GT(stage["t_ns"], closed[0]["t_ns"]);
-  // Computed aside, committed on the mapping side.
+  // Computed on its own worker, committed on the mapping side.
   for (std::size_t i = 0; i + 1 < bundle.size(); ++i)
     EXPECT_EQ(bundle[i]["worker"], "global-bundle");
   EXPECT_EQ(bundle.back()["worker"], "mapping");
@@ -193,7 +193,7 @@ TEST_F(LoopClosingTest, WithoutALoopNothingButDetectionIsDone) {
   EXPECT_EQ(of("stage").size(), of("stage", "loop_detect").size());
 }
 
-/// The same with threads: the bundle computes beside a mapper that goes on.
+/// The same with threads: the bundle runs while mapping continues.
 TEST(LoopClosingLive, LoopsAreClosedAndTheLastBundleIsTakenOverBeforeTheEnd) {
   TemporaryFolder folder;
   DriftedLaps laps{DriftedLaps::Drift()};

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// A correction that overtakes a stage of mapping, in virtual time.
+// A correction during a stage of mapping, in virtual time.
 #include <gtest/gtest.h>
 
 #include "node/local_mapping.hpp"
@@ -16,8 +16,8 @@ struct Mapped {
   std::size_t points = 0;  ///< before mapping began
 };
 
-/// Maps the newest of some keyframes, 20 ms a stage, and turns and moves the whole map at that
-/// time.
+/// Maps the newest of some keyframes at 20 ms per stage. At time `when` the whole map is turned and
+/// moved.
 Mapped map_with_correction_at(RunTime when) {
   TemporaryFolder folder;
   EventLog log(folder.path() / "events.jsonl", NodeRole::kMobile);
@@ -73,7 +73,7 @@ TEST(MapCorrecting, WhatAStageComputedOnTheOldMapIsNotPutIntoTheNewOne) {
   const Mapped triangulated = map_with_correction_at(50ms);
   for (const NewPoint& point : triangulated.after.points)
     EXPECT_EQ(point.id.value >> 56, 1u) << "made from where keyframes were before the correction";
-  // The bundle came after it, and adjusts the map as it is now.
+  // The bundle ran after the correction, so it adjusts the corrected map.
   EXPECT_GT(most_moved_m(triangulated), 0);
   EXPECT_LT(most_moved_m(triangulated), 0.05);
 

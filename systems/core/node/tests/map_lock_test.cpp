@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Who holds the map's lock makes the others wait, in virtual time and live.
+// The map lock makes other workers wait, in virtual time and live.
 #include "node/map_lock.hpp"
 
 #include <gtest/gtest.h>
@@ -93,7 +93,7 @@ TEST_F(MapLockTest, LiveWorkersTakeTurns) {
   runtime.set_origin(monotonic_now());
   MapLock lock(runtime, log_);
   std::atomic<int> inside{0}, most{0};
-  int turns = 0;  // only ever changed by who holds the lock
+  int turns = 0;  // changed only under the lock
   for (int i = 0; i < 4; ++i) {
     runtime.spawn("worker", [&](Worker& worker) {
       for (int turn = 0; turn < 200; ++turn) {

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// One place decides what a message is, and what becomes of one that cannot be read.
+// Dispatch of messages by type, and refusal of those that cannot be decoded.
 #include "node/messaging.hpp"
 
 #include <gtest/gtest.h>

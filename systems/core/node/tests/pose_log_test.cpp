@@ -43,11 +43,22 @@ TEST(PoseBook, UnknownOrOwnReferenceEndsTheChain) {
   EXPECT_EQ(book.pose(kf(3))->t.x(), 8);
 }
 
+TEST(PoseLog, WritesTimesBeforeZero) {
+  testing::TemporaryFolder folder;
+  PoseLog log;
+  log.add(-500'000'000, moved(0), kf(1), moved(0));
+  log.add(-2'000'000'001, moved(0), kf(1), moved(0));
+  log.write_live(folder.path() / "live.txt");
+  const std::string text = testing::read_text(folder.path() / "live.txt");
+  EXPECT_NE(text.find("\n-0.500000000 "), std::string::npos) << text;
+  EXPECT_NE(text.find("\n-2.000000001 "), std::string::npos) << text;
+}
+
 TEST(PoseLog, WritesTumLinesThroughTheReferences) {
   testing::TemporaryFolder folder;
   PoseLog log;
   log.add(1'305'031'102'175'304'000, moved(1), kf(1), moved(1));
-  log.add(1'305'031'102'211'214'001, moved(2), kf(7), moved(0.5));  // a keyframe nobody knows
+  log.add(1'305'031'102'211'214'001, moved(2), kf(7), moved(0.5));  // an unknown keyframe
   PoseBook book;
   book.created(kf(1), {}, SE3(), moved(0));
   book.placed(kf(1), moved(0.25));

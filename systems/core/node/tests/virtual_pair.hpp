@@ -64,7 +64,7 @@ inline DeviceModel uniform_device(double stage_us) {
   return model;
 }
 
-/// A channel whose messages pass through a hand of the test's.
+/// A channel whose messages pass through functions of the test.
 class TappedChannel final : public Channel {
  public:
   using Take = std::function<std::optional<Message>(Channel& below)>;
@@ -87,7 +87,7 @@ class TappedChannel final : public Channel {
   Sent sent_;
 };
 
-/// A network on which one channel never delivers its first so many messages.
+/// A network on which one channel loses its first `lost` messages.
 class LosingNetwork final : public Network {
  public:
   LosingNetwork(Network& below, std::string channel, std::uint64_t lost)
@@ -115,8 +115,7 @@ class LosingNetwork final : public Network {
   std::unique_ptr<TappedChannel> losing_;
 };
 
-/// A network on which messages of one channel pass through a hand of the test's; false:
-/// this one never came.
+/// A network on which the test may change one channel's messages, or drop them by returning false.
 class AlteringNetwork final : public Network {
  public:
   using Alter = std::function<bool(Message&)>;
@@ -144,13 +143,13 @@ class AlteringNetwork final : public Network {
   Network& below_;
   std::string channel_;
   Alter alter_;
-  bool twice_;                    ///< each message comes once more
-  std::optional<Message> again_;  ///< what is still to come so
+  bool twice_;                    ///< each message is delivered twice
+  std::optional<Message> again_;  ///< the second copy, still to be delivered
   std::unique_ptr<TappedChannel> altering_;
 };
 
-/// The mobile's network when another process takes the edge's place (which in truth goes on), and
-/// at once asks for a keyframe because one was under way to its predecessor.
+/// Simulates a restart of the edge for the mobile: at `when` the session changes, and the new edge
+/// asks for a keyframe, as one was in flight to the old edge. The real edge keeps running.
 class RestartingNetwork final : public Network {
  public:
   RestartingNetwork(Network& below, Runtime& runtime, RunTime when)
@@ -170,7 +169,7 @@ class RestartingNetwork final : public Network {
     return state;
   }
   Signal& peer_signal() override { return below_.peer_signal(); }
-  /// Payloads of all that was sent there.
+  /// Payloads of all messages sent on the channel "keyframe".
   const std::vector<Bytes>& keyframes() const { return keyframes_; }
 
  private:
@@ -194,23 +193,23 @@ class RestartingNetwork final : public Network {
   std::vector<Bytes> keyframes_;
 };
 
-/// One-way delays in ms, alike in both directions: one for good, or one per step.
+/// One-way delays in ms, equal in both directions: one constant, or one per step.
 struct PairLink {
   std::vector<double> one_way_ms = {0.1};
   double step_s = 0.1;
   std::vector<link::Gap> gaps = {};
-  std::optional<RttTable> profile_rtt{};  ///< told to the mobile, whatever the path does
+  std::optional<RttTable> profile_rtt{};  ///< given to the mobile, whatever the real delays are
   std::string lossy_channel = "keyframe";
   std::uint64_t lost = 0;          ///< the first messages on that channel never reach the edge
   std::uint64_t lost_updates = 0;  ///< the first messages on the map channel never reach the mobile
-  AlteringNetwork::Alter alter_frames{};     ///< what the edge answers on the channel "frame"
-  bool frames_twice = false;                 ///< each of these answers comes once more
-  AlteringNetwork::Alter alter_handovers{};  ///< what the mobile says on the channel "handover"
+  AlteringNetwork::Alter alter_frames{};  ///< changes what the edge answers on the channel "frame"
+  bool frames_twice = false;              ///< each of these answers is delivered twice
+  AlteringNetwork::Alter alter_handovers{};  ///< changes what the mobile sends on "handover"
   RunTime edge_restarts = kNever;
   double edge_bundle_us = 2000;  ///< per stage of a global bundle, on a uniform device
   double mbit_per_s = 100;
-  bool single_camera = false;  ///< without depth
-  /// Devices to charge in place of the uniform ones.
+  bool single_camera = false;  ///< mono
+  /// Device models to use instead of the uniform ones.
   std::optional<DeviceModel> mobile_device{}, edge_device{};
 
   link::DirectionOptions direction() const {
@@ -232,9 +231,9 @@ struct PairResult {
   std::string end_reason;
   bool finished = false;
   MapCounts mobile_counts, edge_counts;
-  MapDelta mobile_map, edge_map;             ///< as they were at the end
+  MapDelta mobile_map, edge_map;             ///< at the end of the run
   std::vector<Bytes> keyframes;              ///< KEYFRAME messages as they were sent
-  std::map<KeyFrameId, SE3> keyframe_poses;  ///< T_cw that the final trajectory stands on
+  std::map<KeyFrameId, SE3> keyframe_poses;  ///< T_cw that the final trajectory uses
 
   std::vector<nlohmann::json> of(const std::string& type) const {
     std::vector<nlohmann::json> found;
@@ -247,7 +246,7 @@ struct PairResult {
   }
 };
 
-/// Mobile and edge of one system in one process under virtual time.
+/// Runs mobile and edge of one system in one process in virtual time.
 inline PairResult run_pair(const System& system, const nlohmann::json& params, int frames,
                            double fps, const PairLink& path, SceneSource::Look look) {
   TemporaryFolder folder;

@@ -15,9 +15,10 @@
 
 namespace slambed {
 
-/// How keyframes, updates and frames are written: our checked binary form, or the text archives of
-/// Edge-SLAM, for what they cost: by streams, unless a model charges for it. Stages: serialize and
-/// parse, or serialize_text and parse_text; n1 is kilobytes. Copies share what they keep of texts.
+/// Encodes keyframes, updates and frames, either in our checked binary form or as Edge-SLAM's text
+/// archives, which reproduce their cost. Live, text goes through C++ streams; in virtual time a
+/// model charges for that and the text is made directly. Stages: serialize and parse, or
+/// serialize_text and parse_text; n1 is kilobytes. Copies share one cache of texts.
 class MessageCodec {
  public:
   enum class Form { kBinary, kCompatibility };
@@ -33,11 +34,11 @@ class MessageCodec {
   Bytes serialize(Worker& worker, const wire::MapUpdate& message) const;
   Bytes serialize(Worker& worker, const wire::FrameMessage& message) const;
   Bytes serialize(Worker& worker, const wire::RelocRequest& message) const;
-  /// asked: the frame of the request.
+  /// asked: the frame of the request that the message answers.
   Bytes serialize(Worker& worker, const wire::RelocOk& message,
                   const wire::FrameMessage& asked) const;
 
-  /// All throw wire::DecodeError. Within the stage parse_stage().
+  /// All throw wire::DecodeError. The caller runs them inside the stage parse_stage().
   wire::KeyFrameMessage keyframe(const Worker& worker, const Bytes& bytes,
                                  const wire::SensorPtr& sensor) const;
   wire::MapUpdate update(const Worker& worker, const Bytes& bytes,
@@ -57,18 +58,18 @@ class MessageCodec {
   template <typename Text, typename Binary>
   auto read(const Worker& worker, const Bytes& bytes, const wire::SensorPtr& sensor, Text from_text,
             Binary from_binary) const;
-  /// Null: by streams.
+  /// Returns null when text goes through streams.
   wire::DirectText* direct(const Worker& worker) const;
 
   Form form_ = Form::kBinary;
-  std::shared_ptr<const Vocabulary> vocabulary_;  ///< text carries bags of words
-  /// Of charged workers, which run one at a time.
+  std::shared_ptr<const Vocabulary> vocabulary_;  ///< for the bags of words in text archives
+  /// The cache of texts needs no lock: only charged workers use it, and they run one at a time.
   std::shared_ptr<wire::DirectText> direct_;
 };
 
-/// Whether the parameter codec asks for the text archives of Edge-SLAM.
+/// Returns whether the parameter `codec` selects Edge-SLAM's text archives.
 bool writes_text(const Parameters& parameters);
-/// One for a node: what it writes it is likely to read again.
+/// Call it once per node: a node often reads back what it wrote, which the cache makes cheap.
 MessageCodec message_codec(const Parameters& parameters);
 
 }  // namespace slambed

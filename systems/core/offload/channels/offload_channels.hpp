@@ -9,8 +9,8 @@
 
 namespace slambed {
 
-/// The channels of Edge-SLAM, with its drop-oldest queues on both sides. With the compatibility
-/// codec all but control also send as Edge-SLAM does: they wait for acknowledgments.
+/// Edge-SLAM's channels, with its drop-oldest queues at both ends. With the compatibility codec,
+/// every channel except control also waits for acknowledgments, as Edge-SLAM does.
 class OffloadChannels {
  public:
   OffloadChannels(Runtime& runtime, Network& network, Observer& observer,
@@ -20,7 +20,7 @@ class OffloadChannels {
  private:
   Channel& open(Runtime& runtime, Network& network, Observer& observer, bool waits,
                 const ChannelOptions& options);
-  std::vector<std::unique_ptr<StopAndWaitChannel>> waiting_;  ///< before the channels: made by open
+  std::vector<std::unique_ptr<StopAndWaitChannel>> waiting_;  ///< first, because open() adds to it
 
  public:
   Channel &control, &keyframe, &map, &frame;

@@ -7,7 +7,7 @@
 
 namespace slambed {
 
-/// Records what the transport thinks of the path, ten times a second.
+/// Logs the RTT that the transport of the channel measures, ten times a second.
 void spawn_rtt_monitor(Runtime& runtime, EventLog& log, const Channel& channel);
 
 }  // namespace slambed

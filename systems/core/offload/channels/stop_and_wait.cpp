@@ -9,7 +9,7 @@
 namespace slambed {
 namespace {
 
-/// One number says which message is acknowledged, and whether its length or the whole of it.
+/// Encodes in one number which message is acknowledged, and whether its length or the whole of it.
 constexpr std::uint64_t ack_code(std::uint64_t sequence, bool whole) {
   return 2 * sequence + (whole ? 1 : 0);
 }
@@ -78,7 +78,7 @@ void StopAndWaitChannel::run(Worker& worker) {
     if (phase_ == Phase::kIdle) {
       begin_next();
     } else if (below_.path().connections != connection_) {
-      announce();  // whatever was under way is gone
+      announce();  // the transfer was lost with the old connection
     }
     if (const auto now = below_.path().connections; now != connections) {
       connections = now;

@@ -12,18 +12,19 @@
 
 namespace slambed {
 
-/// A channel on top of another that sends as Edge-SLAM does: the length of a message goes ahead
-/// (ANNOUNCE) and is acknowledged, then the message, which is acknowledged before the next one may
-/// go. So each message takes a round trip before its first byte and one behind its last. A transfer
-/// that a broken connection interrupted begins again; nothing is delivered twice.
+/// Sends as Edge-SLAM does, on top of another channel: the length of a message goes first
+/// (ANNOUNCE), and the message follows once that is acknowledged. The next message waits until this
+/// one is acknowledged. So each message costs one round trip before its first byte and one after
+/// its last. A transfer that a broken connection interrupted starts over; no message is delivered
+/// twice.
 ///
-/// The channel below must have unlimited queues. The limits are kept here: the oldest waiting
-/// message is dropped.
+/// The channel below must have unlimited queues. The limits apply here: a full queue drops its
+/// oldest message.
 class StopAndWaitChannel final : public Channel {
  public:
   StopAndWaitChannel(Runtime& runtime, Observer& observer, Channel& below, ChannelOptions options);
 
-  /// Spawns the worker that answers and waits.
+  /// Spawns the worker that sends, acknowledges and waits for acknowledgments.
   void start();
 
   const ChannelOptions& options() const override { return options_; }
@@ -56,9 +57,9 @@ class StopAndWaitChannel final : public Channel {
   bool held_ = false;
   std::uint64_t next_sequence_ = 1;
 
-  // The worker's.
+  // Used by the worker only.
   Phase phase_ = Phase::kIdle;
-  Message current_;               ///< on its way
+  Message current_;               ///< the message in transfer
   std::uint64_t connection_ = 0;  ///< on which current_ was announced
   std::optional<wire::AnnounceMessage> announced_;
   std::uint64_t last_delivered_ = 0, session_ = 0;

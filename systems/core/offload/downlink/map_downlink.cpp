@@ -21,7 +21,7 @@ void MapDownlink::join(const MapDelta& keyframe, std::uint64_t update, std::uint
   const auto map = node_.tracker().map();
   if (takes_its_place) map->clear();
   map->commit(map->read([&](const MapView& view) { return rebase_changes(view, keyframe); }));
-  if (takes_its_place) node_.replace_map(map);  // what tracking knows of it is of another map
+  if (takes_its_place) node_.replace_map(map);  // tracking still refers to the cleared map
   for (const NewKeyFrame& made : keyframe.keyframes) node_.poses().placed(made.id, made.T_cw);
   check_.joined(keyframe, update, session);
 }

@@ -13,44 +13,43 @@ struct DownlinkOptions {
   UpdateApplierMaker applier;
 };
 
-/// Takes map updates over on the mobile: the received map replaces the local one between two
-/// frames. An update is received (UpdateReceiver), checked by the rules (UpdateCheck) and applied
-/// (UpdateApplier).
+/// Brings map updates into the mobile's tracker: the received map replaces the local one between
+/// two frames. UpdateReceiver receives an update, UpdateCheck checks it against the rules, and
+/// UpdateApplier applies it.
 class MapDownlink {
  public:
   MapDownlink(MobileNode& node, Channel& channel, DownlinkOptions options);
 
   void start() { applier_->start(); }
-  /// On the tracking worker, between two frames.
+  /// Call on the tracking worker, between two frames.
   void before_frame(Worker& worker);
-  /// On the tracking worker: these keyframes were added to the local map; provisional: they are no
-  /// references until the edge has accepted them.
+  /// Call on the tracking worker when these keyframes were added to the local map. provisional:
+  /// they must not become reference keyframes until the edge has accepted them.
   void keyframe_created(RunTime when, const MapDelta& made, bool provisional);
-  /// While tracking is lost and the edge is asked for a pose no update is applied; what comes
-  /// waits and is checked when tracking goes on. On the tracking worker.
+  /// While suspended (tracking is lost and the mobile asks the edge for a pose), no update is
+  /// applied. Updates that arrive are checked when tracking continues. Call on the tracking worker.
   void suspend(bool suspended) { applier_->suspend(suspended); }
-  /// Tracking was lost and goes on, found at this keyframe of the local map. On the tracking
-  /// worker.
+  /// Tracking was lost and continues at this local keyframe. Call on the tracking worker.
   void recovered(RunTime when, KeyFrameId reference) { applier_->recovered(when, reference); }
-  /// A keyframe of the edge's map with all its points joins the local map, or takes its place;
-  /// counts as an update with this number. On the tracking worker.
+  /// Adds a keyframe of the edge's map with all its points to the local map, or replaces the local
+  /// map with it. Counts as an update with this number. Call on the tracking worker.
   void join(const MapDelta& keyframe, std::uint64_t update, std::uint64_t session,
             bool takes_its_place);
-  /// Whether the last update was a map for relocalization; not any more once asked.
+  /// Returns whether the last update was a map for relocalization, and resets the answer to false.
   bool came_from_map() { return applier_->came_from_map(); }
-  /// Number of the last update applied from the edge that is there now; 0: none.
+  /// Number of the last update applied from the current edge process; 0: none.
   std::uint64_t applied_update() const { return check_.applied_update(); }
-  /// Newest point of an edge mapper among all updates applied; none before the first.
+  /// Newest point made by an edge mapper among all applied updates; none before the first.
   MapPointId newest_edge_point() const { return check_.newest_edge_point(); }
-  /// What its last update said of points that need no more counting; none before the first.
+  /// The current edge's last MapUpdate::newest_past_probation; none before the first update.
   KeyFrameId newest_past_probation() const { return check_.newest_past_probation(); }
-  /// Updates of an older epoch are declined from now on; they are counted anew. On the tracking
-  /// worker.
+  /// Declines updates of an older epoch from now on and forgets the number of the last applied
+  /// update. Call on the tracking worker.
   void begin_epoch(std::uint64_t epoch) { check_.begin_epoch(epoch); }
-  /// Updates that show the map before this keyframe are declined from now on: it was sent late, and
-  /// where they end the camera is no more. On the tracking worker.
+  /// Declines updates whose newest keyframe is older than this one from now on: it was sent late,
+  /// and the camera has left the place where they end. Call on the tracking worker.
   void expect_keyframe(KeyFrameId keyframe) { check_.expect_keyframe(keyframe); }
-  /// Called on the tracking worker with each update and the map it has become.
+  /// The callback runs on the tracking worker with each applied update and the map built from it.
   void on_applied(UpdateApplier::Applied applied) { applier_->on_applied(std::move(applied)); }
 
  private:

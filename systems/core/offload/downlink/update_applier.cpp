@@ -6,7 +6,7 @@
 namespace slambed {
 namespace {
 
-/// True, and recorded, when the update is not applied.
+/// Returns whether the rules decline the update; if so, logs the reason and keeps its poses.
 bool declined(Worker& worker, UpdateCheck& check, const UpdateArrival& arrival) {
   const auto reason = check.update_decline_reason(worker, arrival);
   if (!reason) return false;
@@ -45,7 +45,7 @@ void UpdateApplier::done(Worker& worker, const UpdateArrival& arrival, const Out
   if (on_applied_) on_applied_(arrival.update, arrival.map);
   check_.place_keyframes(arrival.update);
 
-  // Consecutive stamps: the parts add up to the total by construction.
+  // Each part begins at the timestamp where the previous one ends, so they add up to the total.
   const wire::UpdateTimes& times = arrival.update.times;
   const RunTime now = worker.now();
   JsonLine event("update_applied");
@@ -125,7 +125,7 @@ void ParallelUpdates::work(Worker& worker) {
     if (arrival) worker.stage("apply_update", [&](StageUnits& units) { build(*arrival, units); });
     working_ = false;
     if (!arrival) {
-      ready_.signal().notify();  // for who waits for it
+      ready_.signal().notify();  // wakes tracking if it waits for this update
       continue;
     }
     if (auto replaced = ready_.put(std::move(*arrival))) {
@@ -149,7 +149,7 @@ void ParallelUpdates::before_frame(Worker& worker) {
   const int gap = gap_of(node_, *arrival);
   worker.stage("apply_update", [&](StageUnits&) { node_.replace_map(arrival->map); });
   disused_.put(std::move(old_map));
-  receiver_.signal().notify();  // wakes the worker that disposes of it
+  receiver_.signal().notify();  // wakes the worker, which frees the old map
   done(worker, *arrival, {.begin = begin, .gap = gap});
 }
 

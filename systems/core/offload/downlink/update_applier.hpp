@@ -16,15 +16,13 @@
 
 namespace slambed {
 
-/// Keyframes of the old map that are newer than the update and not among those kept (ascending):
-/// lost to tracking.
+/// Counts old keyframes newer than the update and not in `kept` (ascending); tracking loses them.
 int local_map_gap(const Map& old_map, KeyFrameId newest, std::span<const KeyFrameId> kept);
 
-/// Applies updates: brings them into the tracker, and what follows then. Which worker does what is
-/// the derived class's.
+/// Brings updates into the tracker. The derived class decides which worker does which step.
 class UpdateApplier {
  public:
-  /// Called with each update and the map it has become.
+  /// Called with each applied update and the map built from it.
   using Applied = std::function<void(const wire::MapUpdate&, const std::shared_ptr<Map>&)>;
 
   UpdateApplier(MobileNode& node, UpdateReceiver& receiver, UpdateCheck& check)
@@ -33,27 +31,27 @@ class UpdateApplier {
   virtual void start() {}
   void on_applied(Applied applied) { on_applied_ = std::move(applied); }
 
-  // On the tracking worker.
-  /// Between two frames: the place where the local map may be replaced.
+  // Call these on the tracking worker.
+  /// Runs between two frames and may replace the local map.
   virtual void before_frame(Worker& worker) = 0;
-  /// A keyframe was added to the local map. provisional: it is no reference until the edge has
-  /// accepted it.
+  /// A keyframe was added to the local map. provisional: it must not become a reference keyframe
+  /// until the edge has accepted it.
   virtual void keyframe_created(KeyFrameId, bool /*provisional*/) {}
-  /// No update is applied until it is called again.
+  /// While suspended, no update is applied.
   virtual void suspend(bool /*suspended*/) {}
-  /// Tracking was lost and goes on, found at this keyframe.
+  /// Tracking was lost and continues at this keyframe.
   virtual void recovered(RunTime, KeyFrameId) {}
-  /// Whether the last update was a map for relocalization; not any more once asked.
+  /// Returns whether the last update was a map for relocalization, and resets the answer to false.
   bool came_from_map() { return std::exchange(from_map_, false); }
 
  protected:
   struct Outcome {
-    RunTime begin;      ///< since when tracking stood still for it
+    RunTime begin;      ///< when tracking stopped for the update
     int gap = 0;        ///< local_map_gap()
     int backed_up = 0;  ///< keyframes not in the update that were carried over
   };
-  /// When the update has become the local map: the rules hear of it, the system, the pose book and
-  /// the event log. On the tracking worker.
+  /// Tells the rules, the system, the pose book and the event log that the update has become the
+  /// local map. Call on the tracking worker.
   void done(Worker& worker, const UpdateArrival& arrival, const Outcome& outcome);
 
   MobileNode& node_;
@@ -65,37 +63,37 @@ class UpdateApplier {
   bool from_map_ = false;
 };
 
-/// Makes the applier that a system has chosen; all that it is given outlives it.
+/// Makes the applier that a system has chosen. All arguments must outlive it.
 using UpdateApplierMaker =
     std::function<std::unique_ptr<UpdateApplier>(MobileNode&, UpdateReceiver&, UpdateCheck&)>;
 
-/// Everything (parsing, building the new map, disposing of the old one) on the tracking worker, as
-/// in Edge-SLAM.
+/// Parses, builds the new map and frees the old one on the tracking worker, as Edge-SLAM does.
 class SerialUpdates : public UpdateApplier {
  public:
   using UpdateApplier::UpdateApplier;
   void before_frame(Worker& worker) override;
 
  protected:
-  /// Keyframes of the local map that go on in the update's.
+  /// Keyframes of the local map that were carried over into the update's map.
   struct Carried {
     int keyframes = 0;
     std::vector<KeyFrameId> provisional{};  ///< the edge may still decline them; ascending
   };
-  /// Why an update that the rules welcome is declined all the same, or nothing.
+  /// Returns why an update that passes the rules is declined anyway, or nothing.
   virtual std::optional<std::string_view> additional_decline_reason(const UpdateArrival&) const {
     return std::nullopt;
   }
-  /// Adds to the update's map what it lacks of the local one.
+  /// Copies parts of the local map that the update's map lacks into it.
   virtual Carried carry_over(Worker&, const UpdateArrival&) { return {}; }
   /// The update has become the local map.
   virtual void applied(const UpdateArrival&) {}
 };
 
-/// A worker parses and builds; tracking checks and swaps; the worker disposes of the old map.
+/// A separate worker parses updates, builds maps and frees old ones; tracking only checks an update
+/// and swaps the maps.
 class ParallelUpdates final : public UpdateApplier {
  public:
-  /// waits: between two frames tracking stands still while the worker is at an update.
+  /// waits: tracking pauses between two frames while the worker processes an update.
   ParallelUpdates(MobileNode& node, UpdateReceiver& receiver, UpdateCheck& check, bool waits);
   void start() override;
   void before_frame(Worker& worker) override;
@@ -104,10 +102,10 @@ class ParallelUpdates final : public UpdateApplier {
   void work(Worker& worker);
 
   bool waits_;
-  std::atomic<bool> working_{false};       ///< the worker is at an update
+  std::atomic<bool> working_{false};       ///< the worker is processing an update
   Mailbox<UpdateArrival> ready_;           ///< built by the worker
-  Mailbox<UpdateArrival> replaced_;        ///< by a newer one, before tracking looked
-  Mailbox<std::shared_ptr<Map>> disused_;  ///< to be disposed of by the worker
+  Mailbox<UpdateArrival> replaced_;        ///< replaced by a newer one before tracking took it
+  Mailbox<std::shared_ptr<Map>> disused_;  ///< old maps for the worker to free
 };
 
 }  // namespace slambed

@@ -87,7 +87,7 @@ void UpdateCheck::note_edge_points(const MapDelta& map) {
 
 void UpdateCheck::joined(const MapDelta& keyframe, std::uint64_t update, std::uint64_t session) {
   std::lock_guard lock(mutex_);
-  if (applied_session_ != session) newest_past_probation_ = {};  // the former edge's
+  if (applied_session_ != session) newest_past_probation_ = {};  // it belonged to the former edge
   applied_ = update;
   applied_session_ = session;
   note_edge_points(keyframe);

@@ -12,24 +12,24 @@ namespace slambed {
 
 /// An update on its way into the tracker.
 struct UpdateArrival {
-  Message raw;  ///< without its payload once that was read
+  Message raw;  ///< its payload is freed once parsed
   wire::MapUpdate update;
-  std::shared_ptr<Map> map;  ///< made of it; null: not yet
+  std::shared_ptr<Map> map;  ///< built from the update; null: not yet
 
   /// RELOC_MAP rather than MAP_UPDATE.
   bool relocalization() const;
 };
 
-/// Receives map updates on the mobile. From any worker.
+/// Receives map updates on the mobile. Any worker may call it.
 class UpdateReceiver {
  public:
   UpdateReceiver(MobileNode& node, Channel& channel, MessageCodec codec)
       : node_(node), channel_(channel), codec_(std::move(codec)) {}
 
   Signal& signal() { return channel_.signal(); }
-  /// The next update that came, unread; nothing: none did.
+  /// Returns the next received update, not yet parsed, or nothing.
   std::optional<Message> take();
-  /// Reads it, in the stage of the codec; nothing, and a warning, when that is impossible.
+  /// Parses the message in the codec's stage; reports an invalid one and returns nothing.
   std::optional<UpdateArrival> read(Worker& worker, Message message);
 
  private:

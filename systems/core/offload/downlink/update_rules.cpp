@@ -6,7 +6,7 @@
 namespace slambed {
 namespace {
 
-// Edge-SLAM: 300 ms / (local keyframes / 6 + 1), and nothing below 50 ms.
+// Edge-SLAM's limit is 300 ms / (local keyframes / 6 + 1); below 50 ms there is none.
 constexpr Duration kShortest = std::chrono::milliseconds(50);
 
 }  // namespace

@@ -12,27 +12,26 @@ namespace slambed {
 /// Edge-SLAM's LOCAL_MAP_SIZE.
 inline constexpr int kKeyframesPerStep = 6;
 
-/// When the mobile applies a map update.
+/// Limits that decide whether the mobile applies a map update.
 // NOLINTNEXTLINE(cppcoreguidelines-pro-type-member-init): -Werror refuses one left out
 struct UpdateRules {
   int min_local_keyframes;  ///< declined while the local map has fewer
-  Duration fast_motion{};   ///< Edge-SLAM's 300 ms; 0: never by the age of the last keyframe
+  Duration fast_motion{};   ///< Edge-SLAM: 300 ms; 0: the age of the last keyframe declines nothing
   int local_map_size =
-      kKeyframesPerStep;  ///< each so many local keyframes make fast motion matter less
-  /// DynNetSLAM's: declined while more keyframes per second are made, reason "fast motion" too; 0:
-  /// never for that.
+      kKeyframesPerStep;  ///< the limit is fast_motion / (local keyframes / this + 1)
+  /// DynNetSLAM: declines, also as "fast motion", while more keyframes a second are made; 0: never.
   double keyframe_rate_hz = 0;
 };
 
-/// Over which keyframe_rate_hz is counted.
+/// Time window in which keyframe_rate_hz is counted.
 inline constexpr Duration kRateWindow = std::chrono::seconds(1);
 
-/// What the mobile knows when an update lies ready.
+/// What the mobile knows when an update is ready to be applied.
 struct UpdateState {
   bool relocalization = false;  ///< RELOC_MAP rather than MAP_UPDATE
   bool lost = false;
   bool former_edge = false;      ///< the process that sent it is gone
-  bool before_recovery = false;  ///< it left before the camera was found, and shows another place
+  bool before_recovery = false;  ///< sent before the camera was relocalized; shows another place
   /// The edge has not yet mapped keyframes deferred during a hand-over.
   bool older_than_deferred_keyframes = false;
   std::uint64_t update = 0, applied = 0;
@@ -43,16 +42,14 @@ struct UpdateState {
   int keyframes_in_window = 0;  ///< created within kRateWindow
 };
 
-/// Whether the keyframe poses of the update are newer than what is known here, also where its map
-/// is declined.
+/// Returns whether the update's poses are newer than those known, even if its map is declined.
 bool keeps_poses(const UpdateState& state);
 
-/// Only the reasons for which no map may be made of the update at all (edge, epoch, number,
-/// recovery); nothing when there is none. Few keyframes and fast motion were judged when the update
-/// began to be applied.
+/// Returns why no update may be applied in this state at all (edge, epoch, number, recovery), or
+/// nothing. Few keyframes and fast motion were checked when the update began to be applied.
 std::optional<std::string_view> obsolete_reason(const UpdateState& state);
 
-/// Nothing when the update is welcome, else why it is declined.
+/// Returns the reason why the update is declined, or nothing.
 std::optional<std::string_view> update_decline_reason(const UpdateRules& rules,
                                                       const UpdateState& state);
 

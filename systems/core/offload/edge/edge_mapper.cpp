@@ -11,8 +11,7 @@
 namespace slambed {
 namespace {
 
-/// Fills up with what is seen together with the newest of them: where the stored map ends the
-/// camera need not be.
+/// Fills the list with covisibles of its newest keyframe: the camera need not be near the last one.
 void add_covisibles(const MapView& view, int count, std::vector<KeyFrameId>& found) {
   for (const Covisible& near : view.keyframe(found.front())->covisibles) {
     if (std::ssize(found) == count) return;
@@ -94,7 +93,7 @@ void EdgeMapper::admit(Worker& worker, AdmittedKeyFrame keyframe) {
   mapping_.submit(worker, id);
 }
 
-/// The mobile lost itself early and starts a new map.
+/// The mobile has started a new map.
 void EdgeMapper::clear(Worker& worker) {
   mapping_.reset(map_).wait(worker);
   map_->clear();
@@ -204,7 +203,7 @@ void EdgeMapper::drain(Worker& worker, RunTime deadline) {
 }
 
 CommitReport EdgeMapper::merge(Worker& worker, MapDelta changes) {
-  mapping_.reset(map_).wait(worker);  // parked: nobody else changes the map now
+  mapping_.reset(map_).wait(worker);  // mapping is parked, so nothing else changes the map now
   {
     std::lock_guard lock(mutex_);
     std::erase_if(admitted_, [this](KeyFrameId id) { return pending_.contains(id); });
@@ -222,7 +221,7 @@ CommitReport EdgeMapper::merge(Worker& worker, MapDelta changes) {
     }
   }
   places_->update_from(*map_);
-  mapping_.reset(map_).wait(worker);  // the mapper hears which ids are taken
+  mapping_.reset(map_).wait(worker);  // tells the mapper which ids are taken
   return report;
 }
 

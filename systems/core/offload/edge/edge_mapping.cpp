@@ -48,7 +48,7 @@ void EdgeMapping::start() {
   node_.runtime().spawn("prior-map", [this](Worker& worker) { check_prior(worker); });
 }
 
-/// As soon as the mobile has shown its camera.
+/// Checks the prior map's camera as soon as the mobile has sent its own.
 void EdgeMapping::check_prior(Worker& worker) {
   Signal& greeted = node_.network().peer_signal();
   while (!worker.stopping()) {

@@ -12,22 +12,22 @@ namespace slambed {
 struct EdgeMappingOptions {
   EdgeMapperOptions mapper;
   UpdateSenderOptions updates;
-  std::filesystem::path prior_map{};  ///< what the global map begins with; empty: nothing
-  bool admission_when_idle = false;   ///< keyframes wait unread until the mapper looks for one
+  std::filesystem::path prior_map{};  ///< file of the initial global map; empty: none
+  bool admission_when_idle = false;   ///< keyframes wait unparsed until the mapper looks
 };
 
 /// Edge-SLAM's edge: keyframe intake, mapper and update sender put together.
 class EdgeMapping final : public ShutdownSource {
  public:
-  /// bad_input for a prior map that is missing, damaged, empty, or of another camera than the
-  /// mobile's.
+  /// Throws bad_input for a prior map that is missing, damaged or empty. After start(), a mobile
+  /// with another camera than the map's is bad_input, too.
   EdgeMapping(EdgeNode& node, const EdgeMappingOptions& options, Channel& keyframes, Channel& map);
 
   void start();
   EdgeMapper& mapper() { return mapper_; }
   const EdgeMapper& mapper() const { return mapper_; }
   UpdateSender& updates() { return updates_; }
-  /// Answers keyframes that no map can start with by KEYFRAME_WANTED. Before start().
+  /// Answers keyframes that cannot start a map with KEYFRAME_WANTED. Call before start().
   void ask_when_empty() { intake_.ask_when_empty(); }
 
   void drain(Worker& worker, std::uint64_t last_sequence, RunTime transit,
@@ -35,10 +35,10 @@ class EdgeMapping final : public ShutdownSource {
   std::vector<KeyFramePose> all_poses() const override { return mapper_.all_poses(); }
   MapCounts counts() const override { return count(*mapper_.map()); }
 
-  /// Mapping rests: no keyframe is admitted, no map leaves, of any kind. What is being mapped is
-  /// finished.
+  /// Pauses mapping: no keyframe is admitted and no map is sent, not even for relocalization. The
+  /// keyframe that is being mapped is finished.
   void stop();
-  /// Maps again; maps that leave carry the epoch.
+  /// Resumes mapping; maps sent from now on carry the epoch.
   void resume(std::uint64_t epoch);
 
  private:

@@ -21,7 +21,7 @@ bool moved(const MapView& view, const Poses& before) {
   });
 }
 
-/// The keyframe with a pose from before that shares most points with this one; none: nobody does.
+/// Returns the keyframe in `before` that shares the most points with this one, or none.
 KeyFrameId closest_of(const MapView& view, const NewKeyFrame& keyframe, const Poses& before) {
   std::map<KeyFrameId, int> shared;
   for (const MapPointId id : keyframe.points) {
@@ -59,13 +59,14 @@ MapDelta LoopCorrectionLog::correct(const Map& map, MapDelta made, std::uint64_t
   while (!corrections_.empty() && corrections_.front().updates < applied) corrections_.pop_front();
   if (corrections_.empty()) return made;
   Poses& before = corrections_.front().before;
-  NewKeyFrame& keyframe = made.keyframes.front();
   return map.read([&](const MapView& view) {
-    const KeyFrameId closest = closest_of(view, keyframe, before);
+    const KeyFrameId closest = closest_of(view, made.keyframes.front(), before);
     if (!closest) return made;
     const SE3 T_new_old = view.keyframe(closest)->T_cw.inverse() * before.at(closest);
-    before[keyframe.id] = keyframe.T_cw;
-    keyframe.T_cw = keyframe.T_cw * T_new_old.inverse();
+    for (NewKeyFrame& keyframe : made.keyframes) {
+      before[keyframe.id] = keyframe.T_cw;
+      keyframe.T_cw = keyframe.T_cw * T_new_old.inverse();
+    }
     for (NewPoint& point : made.points) {
       point.p_w = T_new_old * point.p_w;
       point.appearance.normal = T_new_old.R.cast<float>() * point.appearance.normal;

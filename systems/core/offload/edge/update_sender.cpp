@@ -10,8 +10,8 @@
 namespace slambed {
 namespace {
 
-/// So long after a recovery the mobile's own map shows the place better than an update that is
-/// mostly of another one.
+/// For this long after a recovery, the mobile's own map shows the place better than an update,
+/// which is mostly about another place.
 constexpr Duration kRest = std::chrono::seconds(2);
 
 bool same_pose(const SE3& a, const SE3& b) { return a.R == b.R && a.t == b.t; }
@@ -90,7 +90,7 @@ void UpdateSender::send(Worker& worker, wire::UpdateTimes times, KeyFrameId newe
     update.map.epoch = epoch;
     units.n1 = static_cast<double>(update.map.keyframes.size());
     units.n2 = static_cast<double>(update.map.points.size());
-    // Binary costs next to nothing beside collecting; text is a stage of its own.
+    // Binary encoding costs little compared to collecting the map; text has its own stage.
     return update.map.keyframes.empty() || options_.codec.text() ? Bytes() : encode(update);
   });
   if (update.map.keyframes.empty()) return;
@@ -98,7 +98,7 @@ void UpdateSender::send(Worker& worker, wire::UpdateTimes times, KeyFrameId newe
   const std::size_t bytes = payload.size();
   {
     std::lock_guard lock(mutex_);
-    // Preparing took its time: what was asked for since then counts.
+    // The state may have changed while the update was prepared.
     if (stopped_ || epoch_ != update.map.epoch || (suspended_ && !relocalization)) return;
     slambed::send(channel_, relocalization ? wire::kRelocMap : wire::kMapUpdate,
                   std::move(payload));
@@ -126,7 +126,7 @@ std::vector<KeyFramePose> UpdateSender::moved_poses(const wire::MapUpdate& updat
     const auto [known, fresh] = sent_poses_.try_emplace(pose.id, now);
     SentPose& sent = known->second;
     if (!fresh && !same_pose(sent.T_cw, pose.T_cw)) sent = now;
-    // Until it is confirmed, the update that told it may have been dropped on its way.
+    // Until the mobile confirms the update with this pose, it may have been dropped.
     if (sent.update > confirmed_ && !inside) moved.push_back(pose);
   }
   return moved;

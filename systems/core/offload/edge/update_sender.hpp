@@ -12,54 +12,55 @@ namespace slambed {
 
 // NOLINTNEXTLINE(cppcoreguidelines-pro-type-member-init): -Werror refuses one left out
 struct UpdateSenderOptions {
-  int keyframes;    ///< n_KF: the latest mapped keyframes that an update carries
-  int neighbors;    ///< best covisibles of the newest one besides
-  Duration period;  ///< at least so long between two updates; 0: after each keyframe
+  int keyframes;    ///< n_KF: number of latest mapped keyframes in an update
+  int neighbors;    ///< number of best covisibles of the newest keyframe added to them
+  Duration period;  ///< least time between two updates; 0: one after each keyframe
   std::optional<Duration>
       first{};         ///< when the first one is due; nothing: one period after the start
-  bool poses;          ///< an update also says where other keyframes moved
+  bool poses;          ///< an update also carries poses of other keyframes that moved
   bool keep_recovery;  ///< see UpdateSender::recovered
   MessageCodec codec;
 };
 
-/// Sends parts of the global map to the mobile: the latest keyframes when they are due, on the
-/// mapping worker, and whatever relocalization asks for, on its own. Of keyframes that the global
-/// map begins with an update tells only where they moved since then.
+/// Sends parts of the global map to the mobile. The mapping worker sends the latest keyframes when
+/// they are due; the relocalization worker sends what relocalization needs. Poses of prior-map
+/// keyframes are sent only if they moved since the start.
 class UpdateSender {
  public:
   UpdateSender(EdgeNode& node, EdgeMapper& mapper, UpdateSenderOptions options, Channel& channel);
 
-  /// A keyframe was mapped: there is news, which leaves at once if it is due.
+  /// A keyframe was mapped. Sends an update at once if one is due.
   void mapped(Worker& worker, const wire::UpdateTimes& times);
-  /// Returns when it wants to be called again.
+  /// Sends an update if one is due. Returns when it wants to be called again.
   RunTime send_if_due(Worker& worker);
-  /// Sends these keyframes as a local map; newest and times describe the last mapped keyframe.
+  /// Sends these keyframes as a local map. newest: the last mapped keyframe; times: its timestamps,
+  /// or those of a relocalization request.
   void send(Worker& worker, wire::UpdateTimes times, KeyFrameId newest,
             const std::vector<KeyFrameId>& keyframes, bool relocalization);
 
-  /// The mobile asked where it is, at this time: regular updates pause until a later keyframe says
-  /// that it knows again, so that none takes the place of the map that is the answer.
+  /// The mobile asked at this time to be relocalized. Regular updates pause until a later keyframe
+  /// shows that it tracks again, so that none replaces the relocalization map.
   void suspend(RunTime asked);
-  /// It knows again, found at this keyframe: updates go on. Until as many keyframes as an update
-  /// carries were made since then and mapped, none leaves for a while, and then they carry that one
-  /// too, so that the first does not take the camera's place away.
+  /// The mobile tracks again, found at this keyframe: updates continue. With keep_recovery, until
+  /// n_KF keyframes made since then are mapped, updates wait a while and then also carry this
+  /// keyframe. Otherwise the first one would remove the place where the camera is.
   void recovered(RunTime found, KeyFrameId reference);
-  /// A keyframe came: it knows where it is, and which update it has applied.
+  /// A keyframe arrived: it shows that the mobile tracks, and which update it has applied.
   void keyframe_received(const wire::KeyFrameMessage& keyframe);
-  /// No map leaves, of any kind.
+  /// Stops sending maps, also those for relocalization.
   void stop();
-  /// Maps that leave carry the epoch.
+  /// Resumes sending; maps carry the epoch from now on.
   void resume(std::uint64_t epoch);
-  /// The map begins anew, and so does what the mobile was told of it.
+  /// The map starts over: forgets which poses were sent.
   void clear();
 
  private:
   struct SentPose {
     SE3 T_cw;
-    std::uint64_t update = 0;  ///< the first that told it; 0: none had to
+    std::uint64_t update = 0;  ///< first update that carried this pose; 0: stored in the prior map
   };
 
-  /// Of keyframes outside the update: what the mobile may not know yet.
+  /// Returns the poses of keyframes outside the update that the mobile may not have yet.
   std::vector<KeyFramePose> moved_poses(const wire::MapUpdate& update);
 
   EdgeNode& node_;
@@ -70,17 +71,17 @@ class UpdateSender {
   std::mutex mutex_;  ///< guards what follows
   wire::UpdateTimes newest_times_;
   bool news_ = false;                 ///< a keyframe was mapped since the last update
-  std::optional<RunTime> suspended_;  ///< when the mobile asked where it is
+  std::optional<RunTime> suspended_;  ///< when the mobile asked to be relocalized
   struct Recovery {
     KeyFrameId reference;
     RunTime found{};
-    int to_come = 0;  ///< keyframes
+    int to_come = 0;  ///< keyframes still to be mapped
   };
   std::optional<Recovery> recovery_;
   bool stopped_ = false;
   std::uint64_t epoch_ = 0;
   RunTime last_sent_ = RunTime::min();
-  std::map<KeyFrameId, SentPose> sent_poses_;  ///< poses the mobile was told last
+  std::map<KeyFrameId, SentPose> sent_poses_;  ///< poses last sent to the mobile
   std::uint64_t confirmed_ = 0;  ///< newest update that the mobile is known to have applied
 };
 

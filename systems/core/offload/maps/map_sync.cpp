@@ -10,7 +10,7 @@
 namespace slambed {
 namespace {
 
-/// Looks elements of a list up by id; nothing depends on its order.
+/// Finds elements of a list by id. Never iterated, so the hash order does not matter.
 template <typename Element>
 class ById {
  public:
@@ -31,7 +31,7 @@ void add_observation_changes(const NewKeyFrame& before, const NewKeyFrame& now, 
   for (std::size_t i = 0; i < now.points.size() && i < before.points.size(); ++i) {
     if (now.points[i] == before.points[i]) continue;
     const auto feature = static_cast<std::uint16_t>(i);
-    // An attachment replaces what was there.
+    // An attachment replaces the point that was attached before.
     if (now.points[i]) {
       delta.attach.push_back({now.id, feature, now.points[i]});
     } else {
@@ -40,13 +40,13 @@ void add_observation_changes(const NewKeyFrame& before, const NewKeyFrame& now, 
   }
 }
 
-/// A keyframe that the map has already: its pose and what it lacks of the observations.
+/// Adds the pose and the missing observations of a keyframe that the map already has.
 void add_to_known(const MapView& map, const KeyFrame& known, const NewKeyFrame& keyframe,
                   MapDelta& rebased) {
   rebased.poses.push_back({keyframe.id, keyframe.T_cw, known.version + 1});
   for (std::size_t i = 0; i < keyframe.points.size() && i < known.points.size(); ++i) {
     const MapPointId id = map.resolve(keyframe.points[i]);
-    const MapPointId point = id ? id : keyframe.points[i];  // perhaps new with these changes
+    const MapPointId point = id ? id : keyframe.points[i];  // may be a new point of these changes
     if (!point || known.points[i] == point) continue;
     rebased.attach.push_back({keyframe.id, static_cast<std::uint16_t>(i), point});
   }

@@ -5,23 +5,24 @@
 
 namespace slambed {
 
-/// A map as it was at one time.
+/// A snapshot of a map.
 struct MapCopy {
   MapDelta whole;
-  MapDelta gone;  ///< what of an earlier copy was not there any more: fusions and removals
+  MapDelta gone;  ///< elements of an earlier copy that were fused or removed since
 };
-/// Holds the map, and no longer than copying takes: what is compared are copies.
+/// Copies the map. The map is locked only while copying; comparing works on copies.
 MapCopy copy_of(const Map& map, const MapDelta& earlier);
 
-/// What has happened to a map between two copies, of which the later one knows the earlier: new
-/// elements whole, moved ones by position, changed observations, fusions and removals. Observation
-/// counts are left out: they decide about points of the last few keyframes only.
+/// Returns the changes from one copy to another that was made with it as argument. Contains new
+/// elements, new poses and positions, changed observations, fusions and removals. Observation
+/// counts are left out because they matter only for points of the last few keyframes.
 MapDelta changes_since(const MapDelta& earlier, const MapCopy& later);
 
-/// The changes as they can be committed to a map that went on by itself since base. They win over
-/// what that map knows of the same elements (versions are lifted above its own); points that it has
-/// fused are named by their survivor, what it has removed stays removed, keyframes that it has
-/// already only move and gain observations. Points that nothing sees then are left out.
+/// Adapts changes so that they can be committed to a map that has changed on its own since. They
+/// win over what the map knows of the same elements (versions are raised above its own). Fused
+/// points are replaced by their survivor; what the map has removed stays removed. Keyframes that
+/// the map already has only move and gain observations. New points that no keyframe sees are
+/// dropped.
 MapDelta rebase_changes(const MapView& map, const MapDelta& changes);
 
 }  // namespace slambed

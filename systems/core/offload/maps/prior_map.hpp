@@ -8,18 +8,18 @@
 
 namespace slambed {
 
-/// The stored map that an edge begins with, under ids of its own (store/archive.hpp).
+/// The stored map that an edge starts with, under new ids (store/archive.hpp).
 struct PriorMap {
   std::filesystem::path path;
   MapInfo info;
   std::shared_ptr<Map> map;
 };
 
-/// keyframes: the space of their ids. bad_input for a map that is missing, damaged or empty.
+/// keyframes: their id space. Throws bad_input for a map that is missing, damaged or empty.
 PriorMap open_prior_map(const std::filesystem::path& path, IdSpace keyframes);
 
-/// bad_input when the mobile plays another camera than the map's; nothing as long as it has not
-/// shown its own.
+/// Throws bad_input if the mobile's camera is not the map's. Does nothing until the mobile has sent
+/// its camera.
 void check_rig(const PriorMap& prior, const PeerInfo& mobile);
 
 }  // namespace slambed

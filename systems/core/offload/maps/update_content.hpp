@@ -8,13 +8,13 @@
 
 namespace slambed {
 
-/// The delta's own keyframes, ascending.
+/// Returns the ids of the delta's new keyframes, ascending.
 std::vector<KeyFrameId> keyframes_of(const MapDelta& delta);
 
-/// These keyframes (those that still exist) with all points they see: a map of its own.
+/// Extracts these keyframes, if they still exist, with all points they see: a self-contained map.
 MapDelta extract_keyframes(const MapView& view, std::span<const KeyFrameId> keyframes);
 
-/// Adds the count best covisibles of each keyframe to the list, no keyframe twice.
+/// Adds the `count` best covisibles of each keyframe to the list, without duplicates.
 std::vector<KeyFrameId> with_covisibles(const MapView& view, std::vector<KeyFrameId> keyframes,
                                         int count);
 

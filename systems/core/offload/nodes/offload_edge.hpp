@@ -8,13 +8,12 @@
 
 namespace slambed {
 
-/// What a system does otherwise than Edge-SLAM on the edge.
+/// Parts of Edge-SLAM's edge node that a system replaces.
 struct OffloadEdgeParts {
   EdgeRelocalizationMaker relocalization{};  ///< not set: as Edge-SLAM does
   bool keep_recovery = false;                ///< see UpdateSender::recovered
 };
 
-/// Edge-SLAM's edge node.
 class OffloadEdge {
  public:
   OffloadEdge(EdgeNode& node, const Parameters& parameters, const OffloadEdgeParts& parts = {});

@@ -9,7 +9,7 @@
 namespace slambed {
 namespace {
 
-/// ORB-SLAM2's mMaxFrames: so long after a relocalization poses are not trusted with keyframes.
+/// ORB-SLAM2's mMaxFrames: how long the edge may decline keyframes after a relocalization.
 double after_relocalization_s(const Parameters& parameters, double played_fps) {
   const int max_frames = original_behavior(parameters).max_frames;
   return max_frames > 0 ? max_frames / played_fps : 1.0;
@@ -81,7 +81,7 @@ MapDelta OffloadMobile::create_keyframe(Worker& worker, const TrackedFrame& fram
   return made;
 }
 
-/// Observation counts decide about a point only while it is on probation at the edge.
+/// Observation counts matter only for points that are still on probation at the edge.
 void OffloadMobile::leave_out_past_probation(MapDelta& made) const {
   const KeyFrameId newest_past_probation = downlink_.newest_past_probation();
   if (!newest_past_probation) return;

@@ -9,37 +9,36 @@
 
 namespace slambed {
 
-/// What a system does otherwise than Edge-SLAM on the mobile node; not set: as Edge-SLAM does.
+/// Parts of Edge-SLAM's mobile node that a system replaces; not set: as Edge-SLAM does.
 struct OffloadMobileParts {
   UpdateApplierMaker applier{};
   MobileRelocalizationMaker relocalization{};
 };
 
-/// Edge-SLAM's mobile node without its decisions: keyframes up, updates down, relocalization and
-/// shutdown on their channels.
+/// Edge-SLAM's mobile node without its decisions: keyframe uplink, update downlink, relocalization
+/// and shutdown on their channels.
 class OffloadMobile {
  public:
   OffloadMobile(MobileNode& node, const Parameters& parameters,
                 const OffloadMobileParts& parts = {});
 
   void start();
-  /// Between two frames: an update may replace the local map.
+  /// Runs between two frames; an update may replace the local map.
   void before_frame(Worker& worker);
-  /// Between extraction and tracking: a lost frame goes to the edge before the local attempt at it.
+  /// Runs between extraction and tracking: sends a lost frame before the local attempt at it.
   void before_tracking(Worker& worker, const OfferedFrame& frame,
                        const std::shared_ptr<const FeatureSet>& features);
-  /// Remembers when a lost camera was found: keyframes within a second say so. First thing after
-  /// each frame.
+  /// Records when a lost camera was relocalized; keyframes within a second of it are marked. Call
+  /// it first after each frame.
   void note_relocalization(const TrackedFrame& frame);
-  /// Lets the relocalization see the frame: by map it asks the edge, by pose it suspends and
-  /// resumes.
+  /// Passes the frame to the relocalization, which may ask the edge, suspend or resume.
   void relocalize_after_frame(Worker& worker, const TrackedFrame& frame);
-  /// With whose help a lost camera was found in this frame.
+  /// Returns what relocalized the camera in this frame: "edge", "map" or "local".
   std::string_view relocalized_by(const TrackedFrame& frame);
-  /// Makes a keyframe of the frame; the update rules hear of it.
+  /// Makes a keyframe of the frame and reports it to the update rules.
   MapDelta create_keyframe(Worker& worker, const TrackedFrame& frame, KeyFrameNeed need,
                            bool becomes_reference);
-  /// first: the edge's map begins with it, or this trip in its stored one; whole: made has all
+  /// first: the edge's map starts with it, or this trip in its stored map. whole: `made` has all
   /// points that the keyframe sees.
   void send(Worker& worker, const TrackedFrame& frame, MapDelta made, KeyFrameNeed need, bool first,
             bool whole);
@@ -59,8 +58,8 @@ class OffloadMobile {
   MobileShutdown shutdown_;
   KeyFrameUplink uplink_;
   std::unique_ptr<MobileRelocalization> relocalization_;
-  double after_relocalization_s_;  ///< so long keyframes say that a relocalization was before them
-  bool looks_after_extraction_;    ///< for an update, not before
+  double after_relocalization_s_;  ///< keyframes are marked for this long after a relocalization
+  bool looks_after_extraction_;    ///< checks for updates after extraction, not before
   double relocalized_s_ = -1;      ///< sequence time of the last relocalization; negative: none
 };
 

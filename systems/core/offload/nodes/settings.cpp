@@ -31,7 +31,7 @@ System offload_system(std::string name, std::vector<ParameterSpec> specs) {
       options.max_frames_between_keyframes = behavior.max_frames;
       options.max_frames_is_a_second = false;
     }
-    // The local map is small by design: being lost in it is a case for relocalization.
+    // The local map is small by design, so a lost mobile relocalizes instead of starting over.
     options.reset_below_keyframes = 0;
     options.begins_lost = !edge_prior_map(parameters).empty();
     return options;

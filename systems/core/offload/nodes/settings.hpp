@@ -10,14 +10,14 @@
 
 namespace slambed {
 
-/// A system with Edge-SLAM's offloading: its channels, ORB and tracking options. The parameters are
-/// those of params.yaml and its own; policies are missing.
+/// Returns a system with Edge-SLAM's channels, ORB and tracking options, still without policies.
+/// parameters: those of params.yaml and the system's own.
 System offload_system(std::string name, std::vector<ParameterSpec> parameters);
 
 DownlinkOptions downlink_options(const Parameters& parameters, const MessageCodec& codec);
 EdgeMappingOptions mapping_options(const Parameters& parameters, const MessageCodec& codec);
-/// The stored map that the edge begins with and the mobile is to be found in; empty: none, also
-/// where the system has no such parameter.
+/// Path of the stored map that the edge starts with and the mobile relocalizes in. Empty if none is
+/// set or the system has no such parameter.
 std::string edge_prior_map(const Parameters& parameters);
 
 }  // namespace slambed

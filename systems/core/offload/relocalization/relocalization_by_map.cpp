@@ -31,7 +31,7 @@ void EdgeRelocalizationByMap::serve(Worker& worker) {
   while (const auto message = channel_.receive(worker, kNever)) {
     if (!is(*message, wire::FrameMessage::kType)) continue;
     updates_.suspend(message->queued);
-    // The mobile has just sent the newest of its frames; older answers would come too late for it.
+    // Skipped, not delayed: the mobile sends newer frames, and a late answer would be useless.
     if (last != RunTime::min() && worker.now() - last < options_.period) continue;
     auto found = worker.stage(options_.codec.parse_stage(), [&](StageUnits& units) {
       units.n1 = kilobytes(message->payload);

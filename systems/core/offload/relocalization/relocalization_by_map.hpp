@@ -9,8 +9,8 @@
 
 namespace slambed {
 
-/// Edge-SLAM's way, the mobile's side: while tracking is lost, asks the edge where it is, at most
-/// once per period. The answer comes as a map update.
+/// The mobile's side of Edge-SLAM's relocalization: while tracking is lost, sends a frame to the
+/// edge at most once per period. The answer arrives as a map update.
 class MobileRelocalizationByMap final : public MobileRelocalization {
  public:
   MobileRelocalizationByMap(Channel& frames, Duration period, MessageCodec codec)
@@ -26,15 +26,15 @@ class MobileRelocalizationByMap final : public MobileRelocalization {
 
 // NOLINTNEXTLINE(cppcoreguidelines-pro-type-member-init): -Werror refuses one left out
 struct MapRelocalizationOptions {
-  Duration period;  ///< between two answers
+  Duration period;  ///< least time between two answers
   int max_candidates;
-  int covisibles;  ///< sent beside each candidate
-  int latest;      ///< so many of the latest keyframes go along
+  int covisibles;  ///< best covisibles sent with each candidate
+  int latest;      ///< number of latest keyframes sent along
   MessageCodec codec;
 };
 
-/// The edge's side: keyframes that look like the frame and the latest ones become the mobile's map,
-/// in which it finds itself.
+/// The edge's side: sends keyframes that look like the frame, and the latest ones, as the mobile's
+/// new map, in which it relocalizes itself.
 class EdgeRelocalizationByMap final : public EdgeRelocalization {
  public:
   EdgeRelocalizationByMap(EdgeNode& node, Channel& frames, EdgeMapper& mapper,
@@ -49,7 +49,7 @@ class EdgeRelocalizationByMap final : public EdgeRelocalization {
  private:
   void serve(Worker& worker);
   std::vector<KeyFrameId> alike(const wire::FrameMessage& frame) const;
-  /// False when there was nothing to send after all.
+  /// Returns false when there was nothing to send.
   bool send(Worker& worker, const Message& raw, std::vector<KeyFrameId> found);
 
   EdgeNode& node_;

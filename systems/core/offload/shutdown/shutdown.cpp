@@ -4,12 +4,12 @@
 namespace slambed {
 namespace {
 
-/// A slow link may still carry keyframes, and the mapper may have a few to work in.
+/// Allows for keyframes still in transit on a slow link, and for a few in the mapper's queue.
 constexpr Duration kAnswerPatience = std::chrono::seconds(15);
-/// Without a connection nothing will come.
+/// Without a connection no answer will arrive.
 constexpr Duration kAwayPatience = std::chrono::seconds(2);
 constexpr Duration kTransitPatience = std::chrono::seconds(5);
-/// A bundle of a large map that takes longer is not worth losing the answer.
+/// A global bundle of a large map that takes longer is dropped, so that the answer is not lost.
 constexpr Duration kBundlePatience = std::chrono::seconds(10);
 constexpr Duration kLookEvery = std::chrono::milliseconds(200);
 
@@ -29,7 +29,7 @@ MobileShutdown::MobileShutdown(MobileNode& node, Channel& control)
 
 void MobileShutdown::shut_down(Worker& worker, std::uint64_t last_keyframe_sequence) {
   send(control_, wire::ByeMessage{.last_keyframe_sequence = last_keyframe_sequence});
-  if (worker.stopping()) return;  // stopped from outside: the edge hears it, nobody waits
+  if (worker.stopping()) return;  // stopped from outside: sends BYE but does not wait for an answer
   const RunTime begin = worker.now();
   RunTime last_contact = begin;
   while (!worker.stopping() && worker.now() < begin + kAnswerPatience) {

@@ -10,15 +10,15 @@
 
 namespace slambed {
 
-/// The mobile's side of the shutdown: it sends BYE and waits for the edge's final poses and counts,
-/// as far as they come in time.
+/// The mobile's side of the shutdown: sends BYE and waits a limited time for the edge's final poses
+/// and counts.
 class MobileShutdown {
  public:
   MobileShutdown(MobileNode& node, Channel& control);
 
   void shut_down(Worker& worker, std::uint64_t last_keyframe_sequence);
-  const MapCounts& counts() const { return counts_; }  ///< of the global map; zero when unheard
-  /// Enters the edge's final poses, as far as they came.
+  const MapCounts& counts() const { return counts_; }  ///< of the global map; zero if unanswered
+  /// Enters the final poses that the edge has sent.
   void place_keyframes(PoseBook& book) const;
   bool answered() const { return answered_; }
 
@@ -35,8 +35,8 @@ class MobileShutdown {
 class ShutdownSource {
  public:
   virtual ~ShutdownSource() = default;
-  /// Waits until the keyframe with this sequence has come, or until transit, and all are mapped;
-  /// what then is left to do is dropped at the deadline.
+  /// Waits for the keyframe with this sequence, at most until `transit`, and then until all are
+  /// mapped. Work that remains after that is dropped at the deadline.
   virtual void drain(Worker& worker, std::uint64_t last_sequence, RunTime transit,
                      RunTime deadline) = 0;
   virtual std::vector<KeyFramePose> all_poses() const = 0;
@@ -45,9 +45,9 @@ class ShutdownSource {
 
 struct EdgeShutdownOptions {
   bool final_poses = true;
-  /// The mobile must be away for so long before the edge gives up.
+  /// The edge gives up when the mobile has been disconnected for this long.
   Duration patience = std::chrono::seconds(30);
-  /// Hears what else comes on the control channel.
+  /// Receives all other messages on the control channel.
   std::function<void(const Message&)> other{};
 };
 

@@ -42,9 +42,9 @@ TEST_F(Admission, TheFirstKeyframeIsWelcomeAndNothingBeforeIt) {
   message.whole = false;
   message.first = true;
   EXPECT_EQ(reason(), "welcome");
-  state.last_accepted_s = 5;  // the mobile started again
+  state.last_accepted_s = 5;  // the mobile starts a new map
   EXPECT_EQ(reason(), "welcome");
-  state.last_accepted_s = 50;  // the edge has gone on with a map that came another way
+  state.last_accepted_s = 50;  // the edge got keyframes by a hand-over meanwhile
   EXPECT_EQ(reason(), "older than the last accepted");
 }
 
@@ -81,7 +81,7 @@ TEST_F(Admission, OldOnesStoppedMappersAndFreshRelocalizationsAreDeclined) {
   state.last_accepted_s = 9.5;
   message.after_relocalization = true;
   EXPECT_EQ(reason(), "just relocalized");
-  state.keyframes = 10;  // a young map takes what it gets
+  state.keyframes = 10;  // a young map takes every keyframe
   EXPECT_EQ(reason(), "welcome");
   state.mapper.accepts = false;
   EXPECT_EQ(reason(), "mapper stopped");
@@ -104,17 +104,17 @@ TEST(RebaseKeyframe, FollowsFusionsForgetsCulledPointsAndKeepsEachPointOnce) {
 
   MapDelta delta = wire::example_keyframe(random, sensor, 30, 0, 0 + 2);
   NewKeyFrame& keyframe = delta.keyframes[0];
-  keyframe.parent = keyframe_id(33);  // nobody here knows it
+  keyframe.parent = keyframe_id(33);  // unknown to this map
   delta.points[0].id = point_id(20'000);
   delta.points[1].id = point_id(20'001);
   const std::vector<MapPointId> fresh = {point_id(20'000), point_id(20'001)};
   for (auto& id : keyframe.points) id = {};
   keyframe.points[0] = known(0);  // fused into known(1)
-  keyframe.points[1] = known(1);  // so this is the same point again
+  keyframe.points[1] = known(1);  // therefore the same point twice
   keyframe.points[2] = known(2);  // culled
   keyframe.points[3] = known(3);
   keyframe.points[4] = fresh[0];
-  keyframe.points[5] = point_id(4'000'000);  // never heard of
+  keyframe.points[5] = point_id(4'000'000);  // never received
   const MapDelta rebased =
       map.read([&](const MapView& view) { return rebase_keyframe(view, delta); });
   const auto& points = rebased.keyframes[0].points;
@@ -125,7 +125,7 @@ TEST(RebaseKeyframe, FollowsFusionsForgetsCulledPointsAndKeepsEachPointOnce) {
   EXPECT_EQ(points[4], fresh[0]);
   EXPECT_FALSE(points[5]);
   EXPECT_FALSE(rebased.keyframes[0].parent);
-  ASSERT_EQ(rebased.points.size(), 1u);  // fresh[1] is seen by nobody
+  ASSERT_EQ(rebased.points.size(), 1u);  // no keyframe sees fresh[1]
   EXPECT_EQ(rebased.points[0].id, fresh[0]);
 }
 

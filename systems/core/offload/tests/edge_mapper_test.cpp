@@ -1,6 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The global map of an edge: which keyframes it has taken in, which are mapped, when it begins
-// anew.
+// The edge's global map: which keyframes it has admitted and mapped, and when it starts over.
 #include "offload/edge/edge_mapper.hpp"
 
 #include <gtest/gtest.h>
@@ -77,7 +76,7 @@ TEST_F(Mapper, WhatIsMergedTakesThePlaceOfWhatWaited) {
     mapper.drain(worker, 10s);
     mapper.park(true);
     EXPECT_EQ(mapper.keyframe_decline_reason(turn.messages[1]), "mapper stopped");
-    admit(mapper, worker, 1);  // had come before mapping was to rest
+    admit(mapper, worker, 1);  // arrived before mapping was parked
     MapDelta changes = turn.map->read(snapshot);
     EXPECT_EQ(mapper.merge(worker, std::move(changes)).unknown, 0);
     mapper.park(false);
@@ -118,7 +117,7 @@ TEST_F(Mapper, OneThatBeginsWithAMapTakesKeyframesThatJoinIt) {
 }
 
 TEST_F(Mapper, AfterARestartTheFirstKeyframeJoinsTheStoredMap) {
-  // As each edge process opens it: nothing of the trip so far is in it.
+  // Each edge process opens the map file as stored, without the trip so far.
   const auto stored = std::make_shared<Map>();
   for (std::size_t i = 0; i < 3; ++i) stored->commit(turn.messages[i].delta);
   EdgeMapper mapper(nodes.edge, {.queue_limit = 3, .loop_closing = false, .prior = stored},

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Keyframes as they come to an edge: read, judged, given on or declined.
+// Keyframes that arrive at an edge are parsed and checked, then admitted or declined.
 #include "offload/uplink/keyframe_intake.hpp"
 
 #include <gtest/gtest.h>
@@ -59,7 +59,7 @@ TEST_F(Intake, EachIsReadAndGivenOnWithTheTimesOfItsWay) {
 TEST_F(Intake, ADeclinedOneIsRecordedAndGoesNoFurther) {
   unwelcome = turn.id(1);
   KeyFrameIntake intake(nodes.edge, ends.second, {}, *this);
-  intake.ask_when_empty();  // which is for another reason
+  intake.ask_when_empty();  // only answers another decline reason
   intake.start();
   send_all_at(1s);
   nodes.run_until(3s);

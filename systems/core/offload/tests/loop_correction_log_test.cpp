@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Keyframes that the mobile made on the map as it was before a loop was closed.
+// Keyframes that the mobile made on the map from before a loop was closed.
 #include "offload/edge/loop_correction_log.hpp"
 
 #include <gtest/gtest.h>
@@ -23,17 +23,17 @@ class LoopCorrectionLogTest : public ::testing::Test {
     shift.t = {1, 2, 0};
     shift.R = Eigen::AngleAxisd(0.3, Eigen::Vector3d::UnitZ()).toRotationMatrix();
   }
-  /// The second keyframe is where shift would have brought it at first, the first one stays.
+  /// Moves the second keyframe by `shift` (from its first pose); the first one stays.
   void close_loop() {
     MapDelta moved;
     moved.poses = {{kf(2), T_cw_before * shift.inverse(), ++version}};
     log.commit(map, moved);
   }
-  /// So many updates are sent.
+  /// Sends this many updates.
   void updates(int count) {
     while (count-- > 0) log.update([](std::uint64_t) {});
   }
-  /// A keyframe at x that sees these points, and one of its own 4 m before it.
+  /// Makes a keyframe at x that sees these points, and one new point 4 m in front of it.
   MapDelta made(double x, std::uint64_t first_point) {
     MapDelta delta;
     NewPoint fresh = testing::new_point(100, {x, 0, 4});
@@ -65,6 +65,19 @@ TEST_F(LoopCorrectionLogTest, WhatIsMadeOnTheOldMapMovesAsItsNeighborDid) {
   EXPECT_LT((moved.points[0].appearance.normal - shift.R.col(0).cast<float>()).norm(), 1e-6);
 }
 
+TEST_F(LoopCorrectionLogTest, BothKeyframesOfADeltaMove) {
+  updates(5);
+  close_loop();
+  MapDelta two = made(0.5, 31);
+  two.keyframes.push_back(testing::new_keyframe(4, testing::points_from(31, 20)));
+  two.keyframes[1].T_cw.t = {-0.7, 0, 0};
+  const MapDelta moved = correct(two, 5);
+  for (const auto& [index, x] : {std::pair{0, 0.5}, std::pair{1, 0.7}}) {
+    const Eigen::Vector3d center = moved.keyframes[index].T_cw.inverse().t;
+    EXPECT_LT((center - shift * Eigen::Vector3d(x, 0, 0)).norm(), 1e-12) << index;
+  }
+}
+
 TEST_F(LoopCorrectionLogTest, ANeighborThatStayedMovesNothing) {
   updates(5);
   close_loop();
@@ -77,7 +90,7 @@ TEST_F(LoopCorrectionLogTest, WhoHasTakenALaterUpdateOverIsOnTheNewMap) {
   close_loop();
   const MapDelta delta = made(0.5, 31);
   EXPECT_EQ(correct(delta, 6).points[0].p_w, delta.points[0].p_w);
-  // And stays there: an older message does not come after a newer one.
+  // The old correction stays dropped: messages arrive in order.
   EXPECT_EQ(correct(delta, 6).keyframes[0].T_cw.t, delta.keyframes[0].T_cw.t);
 }
 
@@ -87,7 +100,7 @@ TEST_F(LoopCorrectionLogTest, WithoutACorrectionOrANeighborNothingMoves) {
   EXPECT_EQ(correct(delta, 0).points[0].p_w, delta.points[0].p_w);
   updates(5);
   close_loop();
-  const MapDelta alone = made(0.5, 200);  // points that nobody knows
+  const MapDelta alone = made(0.5, 200);  // points that the map does not have
   EXPECT_EQ(correct(alone, 0).points[0].p_w, alone.points[0].p_w);
   log.forget();
   EXPECT_EQ(correct(delta, 0).points[0].p_w, delta.points[0].p_w);
@@ -126,7 +139,8 @@ TEST_F(LoopCorrectionLogTest, AfterTwoCorrectionsTheOldestMapCounts) {
   shift = shift * shift;
   updates(2);
   close_loop();
-  // Of before both: moved by all of it. Of between: by the second only, which doubled the first.
+  // Made before both corrections: moved by all of it. Made between them: moved by the second only,
+  // which doubled the first.
   const Eigen::Vector3d p(0.5, 0, 4);
   EXPECT_LT((correct(made(0.5, 31), 5).points[0].p_w - shift * p).norm(), 1e-9);
   SE3 half;

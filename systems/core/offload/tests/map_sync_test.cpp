@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Two maps that were the same go on by themselves; the changes of one are merged into the other.
+// Two equal maps change independently; the changes of one are merged into the other.
 #include "offload/maps/map_sync.hpp"
 
 #include <gtest/gtest.h>
@@ -43,7 +43,7 @@ class MapSync : public ::testing::Test {
 };
 
 TEST_F(MapSync, TheMapMayBeWorkedAtWhileItsCopiesAreCompared) {
-  // Two points always move together.
+  // The writer always moves two points together.
   testing::BusyWriter writer(mobile, [](std::uint32_t number) {
     MapDelta delta;
     const Eigen::Vector3d place(number, 0, 2);
@@ -55,7 +55,7 @@ TEST_F(MapSync, TheMapMayBeWorkedAtWhileItsCopiesAreCompared) {
     const MapCopy copy = copy_of(mobile, base);
     const int then = writer.commits();
     if (!testing::BusyWriter::until([&] { return writer.commits() > then + 1; })) return false;
-    const MapDelta delta = changes_since(base, copy);  // of the moment of the copy, not of now
+    const MapDelta delta = changes_since(base, copy);  // as of the copy, not of now
     if (delta.positions.size() != 2) return false;     // the writer had not begun
     EXPECT_EQ(delta.positions[0].p_w.x(), delta.positions[1].p_w.x());
     EXPECT_LE(delta.positions[0].version, static_cast<std::uint32_t>(then) + 1);
@@ -81,7 +81,7 @@ TEST_F(MapSync, AllKindsOfChangesMakeTheSameMap) {
   const CommitReport report = hand_over();
   EXPECT_EQ(report.stale, 0);
   EXPECT_EQ(testing::dump(edge), testing::dump(mobile));
-  hand_over();  // once more changes nothing but versions of what moved
+  hand_over();  // a second time changes only versions of what moved
   EXPECT_EQ(edge.read([](const MapView& view) { return view.keyframe(kf(2))->T_cw.t.x(); }), 0.25);
 }
 
@@ -111,7 +111,7 @@ TEST_F(MapSync, TheChangesWinOverWhatWasMovedThere) {
     EXPECT_EQ(view.keyframe(kf(2))->T_cw.t.x(), 0.3);
     EXPECT_EQ(view.keyframe(kf(2))->version, 8u);
     EXPECT_EQ(view.point(pt(5))->p_w.z(), 3);
-    EXPECT_EQ(view.keyframe(kf(3))->T_cw.t.x(), 0.8);  // not touched here
+    EXPECT_EQ(view.keyframe(kf(3))->T_cw.t.x(), 0.8);  // not changed on this side
     return 0;
   });
 }
@@ -149,7 +149,7 @@ TEST_F(MapSync, AKeyframeKnownToBothGainsWhatItLacks) {
   here.attach = {{kf(6), 30, pt(42)}, {kf(2), 30, pt(42)}};
   here.poses = {{kf(6), at(0.7), 1}};
   mobile.commit(here);
-  hand_over();  // keyframe 6 is no part of the base
+  hand_over();  // keyframe 6 is not in the base
   edge.read([](const MapView& view) {
     EXPECT_EQ(view.keyframe(kf(6))->points[30], pt(42));
     EXPECT_EQ(view.keyframe(kf(6))->T_cw.t.x(), 0.7);
@@ -164,7 +164,7 @@ TEST_F(MapSync, PointsThatNothingSeesThereAreLeftOut) {
   edge.commit(there);
   MapDelta delta;
   delta.points = {testing::new_point(43)};
-  delta.keyframes = {testing::new_keyframe(3, {43})};  // culled there
+  delta.keyframes = {testing::new_keyframe(3, {43})};  // was culled on the edge
   const MapDelta rebased =
       edge.read([&](const MapView& view) { return rebase_changes(view, delta); });
   EXPECT_TRUE(rebased.keyframes.empty());

@@ -5,7 +5,7 @@
 
 namespace slambed::testing {
 
-/// Every parameter of offloading, as conventional Edge-SLAM has them.
+/// All offloading parameters with the values of conventional Edge-SLAM.
 inline nlohmann::json conventional() {
   return {{"n_orb", 1000},
           {"n_kf", 6},
@@ -28,8 +28,8 @@ inline nlohmann::json conventional() {
           {"second_hypotheses", false}};
 }
 
-/// What only edgeslam has: the switches of original_behavior.hpp as our own systems behave, and no
-/// prior map.
+/// Parameters that only edgeslam has: the switches of original_behavior.hpp with our defaults, and
+/// no prior map.
 inline nlohmann::json ours() {
   return {{"reference_fallback", "descriptors"},
           {"point_identity", "observations"},

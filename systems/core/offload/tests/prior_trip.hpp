@@ -8,7 +8,7 @@
 
 namespace slambed::testing {
 
-/// The edge's map of a turn, as a file, and one that says that another camera made it.
+/// Map files of a turn: the edge's map, and a copy that claims another camera.
 class PriorTrip {
  public:
   explicit PriorTrip(const MapDelta& content) : keyframes(content.keyframes.size()) {
@@ -31,15 +31,15 @@ class PriorTrip {
   TemporaryFolder folder_;
 };
 
-constexpr int kTripStart = 20;  ///< frame of the turn near which the later trip begins
+constexpr int kTripStart = 20;  ///< frame of the turn near which the later trip starts
 
-/// Half a frame beside the turn, seen less well.
+/// Half a frame away from the turn's poses, with noisier features.
 inline SE3 later_pose(int frame) { return pose_at(kTripStart + frame + 0.5); }
 inline std::shared_ptr<const FeatureSet> later_trip(SyntheticScene& scene, int frame) {
   return scene.look(later_pose(frame), {.pixel_noise = 0.4, .depth_noise = 0.01});
 }
 
-/// The later trip was found in the map of the turn, once, and went on in it.
+/// Expects that the later trip relocalized once in the map of the turn and continued in it.
 inline void expect_found_in(const PriorTrip& prior, const PairResult& result) {
   EXPECT_TRUE(result.of("initialized").empty());
   EXPECT_TRUE(result.of("edge_restarted").empty());
@@ -48,7 +48,7 @@ inline void expect_found_in(const PriorTrip& prior, const PairResult& result) {
   EXPECT_EQ(result.of("relocalized")[0]["by"], "map");
   EXPECT_EQ(result.of("frame_tracked").back()["state"], "ok");
 
-  // In the frame of the map: its first camera is where the turn began.
+  // In the map's world frame: its first camera is where the turn started.
   const SE3 T_wm = pose_at(0).inverse();
   const auto created = result.of("keyframe_created");
   ASSERT_GT(created.size(), 5u);

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Edge-SLAM's way to send: one message at a time, its length first, both acknowledged.
+// Edge-SLAM's way of sending: one message at a time, its length first, both acknowledged.
 #include "offload/channels/stop_and_wait.hpp"
 
 #include <gtest/gtest.h>
@@ -31,7 +31,7 @@ struct Pair {
     options.delays_ns = {10'000'000};
     return options;
   }
-  /// Lets both nodes live until then.
+  /// Runs both nodes until this time.
   void run_until(RunTime end) {
     for (VirtualRuntime* runtime : {&mobile, &edge}) {
       runtime->spawn("end", [=](Worker& worker) {
@@ -65,7 +65,7 @@ TEST(StopAndWait, EachMessageTakesTwoRoundTrips) {
     EXPECT_EQ(received[i].sequence, i + 1);
     EXPECT_EQ(received[i].type, kKeyFrame);
     EXPECT_EQ(received[i].payload, Bytes(100, static_cast<std::uint8_t>(i)));
-    EXPECT_EQ(received[i].queued, 0ns);  // handed over, whenever its turn came
+    EXPECT_EQ(received[i].queued, 0ns);  // the time of send(), however long it waited
     // Length out, OK back, message out: 30 ms; OK back, then the next.
     EXPECT_EQ(received[i].received, 30ms + i * 40ms);
   }
@@ -91,11 +91,11 @@ TEST(StopAndWait, TheOldestWaitingMessageIsDropped) {
   Pair pair({.name = "k", .send_queue = 2, .receive_queue = 1});
   pair.mobile.spawn("sender", [&](Worker& worker) {
     pair.near.send(kKeyFrame, {1});
-    worker.sleep_until(5ms);  // the first is on its way
+    worker.sleep_until(5ms);  // the first is in transfer
     for (std::uint8_t i = 2; i <= 5; ++i) pair.near.send(kKeyFrame, {i});
   });
   pair.run_until(1s);
-  // Sent: 1, then 4 and 5; of those the receiver, who never looks, keeps the last.
+  // 1, 4 and 5 are sent; the receiver takes none, so its queue keeps only the last.
   const auto message = pair.far.try_receive();
   ASSERT_TRUE(message);
   EXPECT_EQ(message->payload, Bytes{5});
@@ -112,7 +112,7 @@ TEST(StopAndWait, NoTransferStartsWhileTheChannelIsHeld) {
   Pair pair({.name = "k"});
   pair.mobile.spawn("sender", [&](Worker& worker) {
     for (std::uint8_t i = 0; i < 3; ++i) pair.near.send(kKeyFrame, {i});
-    worker.sleep_until(15ms);  // the first one's length is on its way
+    worker.sleep_until(15ms);  // the first message's length is in transit
     pair.near.hold(true);
     worker.sleep_until(500ms);
     pair.near.hold(false);
@@ -142,7 +142,7 @@ TEST(StopAndWait, WhatCannotBeReadIsRefusedAndTheNextGoesThrough) {
 }
 
 TEST(StopAndWait, BeginsAgainWithARestartedPeer) {
-  auto deaf = std::make_unique<Node>(true, 0);  // takes the length and never answers
+  auto deaf = std::make_unique<Node>(true, 0);  // receives the length and never answers
   const std::uint16_t port = deaf->port();
   Node mobile(false, port);
   StopAndWaitChannel near(mobile.runtime, mobile.recorder, *mobile.channel, {.name = "k"});

@@ -8,7 +8,7 @@
 
 namespace slambed::testing {
 
-/// frame: may lie between two.
+/// frame: may be fractional.
 inline SE3 pose_at(double frame) {
   const double yaw = 2.5 * frame * std::numbers::pi / 180;
   const Eigen::Vector3d center(0.5 * std::sin(yaw), 0.1 * std::sin(3 * yaw), -0.5 * std::cos(yaw));
@@ -16,13 +16,13 @@ inline SE3 pose_at(double frame) {
   return SE3(R_wc, center).inverse();
 }
 
-/// Looking round the room, 25 degrees per second at 10 frames per second: there is always something
-/// new to make keyframes of.
+/// The camera turns in a room at 25 degrees per second and 10 frames per second, so that new
+/// keyframes are always needed.
 inline std::shared_ptr<const FeatureSet> turn(SyntheticScene& scene, int frame) {
   return scene.look(pose_at(frame));
 }
 
-/// A lens that shows less turning than there is: after a lap 3.6 degrees are missing.
+/// A lens with a wrong focal length: after a full turn, 3.6 degrees are missing.
 inline std::shared_ptr<const FeatureSet> through_a_wrong_lens(SyntheticScene& scene, int frame) {
   constexpr float kZoom = 0.99f;
   const auto seen = turn(scene, frame);

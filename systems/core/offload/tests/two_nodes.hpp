@@ -7,8 +7,8 @@
 
 namespace slambed::testing {
 
-/// A mobile and an edge without policies, 10 ms apart, in virtual time: what a test spawns on them
-/// is all that runs. Every stage takes 2 ms.
+/// A mobile and an edge without policies, 10 ms apart, in virtual time. Only what a test spawns on
+/// them runs. Every stage takes 2 ms.
 class TwoNodes {
  public:
   static constexpr Duration kOneWay = std::chrono::milliseconds(10);
@@ -22,13 +22,13 @@ class TwoNodes {
     peer.set({.camera = sensor->camera, .close_depth_m = sensor->close_depth_m, .played_fps = 10});
   }
 
-  /// A channel's two ends: mobile, edge.
+  /// Returns the two ends of a channel: mobile, edge.
   std::pair<Channel&, Channel&> open(const ChannelOptions& options) {
     return {mobile.network().open(options), edge.network().open(options)};
   }
   void on_mobile(std::function<void(Worker&)> body) { spawn(mobile_runtime, std::move(body)); }
   void on_edge(std::function<void(Worker&)> body) { spawn(edge_runtime, std::move(body)); }
-  /// Once. Both nodes live until then.
+  /// Runs both nodes until this time. Call it once.
   void run_until(RunTime end) {
     for (VirtualRuntime* runtime : {&mobile_runtime, &edge_runtime}) {
       runtime->spawn("end", [=](Worker& worker) {
@@ -40,7 +40,7 @@ class TwoNodes {
     mobile_runtime.join();
     edge_runtime.join();
   }
-  /// After the run.
+  /// Call it after the run.
   std::vector<nlohmann::json> events(const std::string& type) {
     std::vector<nlohmann::json> found;
     for (const char* name : {"mobile.jsonl", "edge.jsonl"}) {
@@ -96,7 +96,7 @@ class TwoNodes {
   int spawned_ = 0;
 };
 
-/// Keyframes of a turn as a mobile sends them, the first of them whole, and the map that they make.
+/// Keyframes of a turn as a mobile sends them, the first one whole, and the map that they form.
 struct SentTurn {
   explicit SentTurn(std::size_t keyframes) {
     SyntheticScene scene;

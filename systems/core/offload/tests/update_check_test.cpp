@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Map updates as they come to the mobile, and what is known of the last one.
+// Map updates that arrive at the mobile, and what it knows of the last one applied.
 #include "offload/downlink/update_check.hpp"
 
 #include <gtest/gtest.h>
@@ -29,7 +29,7 @@ class UpdatesReceived : public ::testing::Test {
     made.raw.session = session;
     return made;
   }
-  /// Does it on the mobile while it is connected.
+  /// Runs the function on the mobile while it is connected.
   void run(std::function<void(Worker&)> act) {
     nodes.on_mobile([act = std::move(act)](Worker& worker) {
       worker.sleep_until(1s);
@@ -92,7 +92,7 @@ TEST_F(UpdatesReceived, AnotherEdgeCountsItsOwn) {
     EXPECT_EQ(check.newest_past_probation(), turn.id(1));
     EXPECT_EQ(check.update_decline_reason(worker, arrival(update(9, 3), edge() + 1)),
               "its edge is gone");
-    check.applied(arrival(carrier, edge() + 1), true);  // of an edge that is not there
+    check.applied(arrival(carrier, edge() + 1), true);  // from an edge that is not connected
     EXPECT_EQ(check.applied_update(), 0u);
     EXPECT_EQ(check.newest_past_probation(), KeyFrameId{});
     EXPECT_EQ(check.update_decline_reason(worker, arrival(update(1, 3), edge())), std::nullopt);

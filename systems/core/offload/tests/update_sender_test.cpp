@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// When a part of the global map leaves for the mobile, and which.
+// When a part of the global map is sent to the mobile, and which part.
 #include "offload/edge/update_sender.hpp"
 
 #include <gtest/gtest.h>
@@ -21,13 +21,13 @@ UpdateSenderOptions carrying(int keyframes, Duration period = {}, bool keep_reco
           .codec = {}};
 }
 
-/// The sender of an edge whose map has eight keyframes; nobody maps.
+/// The sender of an edge whose map has eight keyframes; nothing is mapped meanwhile.
 class Sender : public ::testing::Test {
  protected:
   void begin(UpdateSenderOptions options) {
     sender.emplace(nodes.edge, mapper, std::move(options), ends.second);
   }
-  /// Does it on the edge's mapping side at that time.
+  /// Runs the function on the edge's mapping worker at this time.
   void at(RunTime when, std::function<void(Worker&)> act) {
     nodes.on_edge([when, act = std::move(act)](Worker& worker) {
       worker.sleep_until(when);
@@ -99,7 +99,7 @@ TEST_F(Sender, WhileTheMobileAsksWhereItIsOnlyTheAnswerLeaves) {
     sender->suspend(1s);
     sender->mapped(worker, {});
     sender->send(worker, {}, turn.id(7), {turn.id(2)}, true);
-    sender->keyframe_received(keyframe(999ms));  // made before it asked
+    sender->keyframe_received(keyframe(999ms));  // made before the mobile asked
     sender->mapped(worker, {});
   });
   at(2s, [&](Worker& worker) {
@@ -195,7 +195,7 @@ TEST_F(Sender, AfterARecoveryItRestsAndThenShowsThatPlaceToo) {
     EXPECT_EQ(sender->send_if_due(worker), 3500ms);
   });
   at(4s, [&](Worker& worker) { sender->send_if_due(worker); });
-  at(5s, [&](Worker& worker) {  // as many keyframes as an update carries
+  at(5s, [&](Worker& worker) {  // as many keyframes as an update has
     sender->mapped(worker, {.captured = 4500ms});
     sender->mapped(worker, {.captured = 4600ms});
   });

@@ -58,7 +58,7 @@ TEST(UpdateRules, FastMotionMattersLessTheMoreKeyframesThereAre) {
   state.since_keyframe = 0ms;
   state.local_keyframes = 36;  // 300 / 7 < 50 ms
   EXPECT_EQ(reason(rules, state), "welcome");
-  state.local_keyframes = 2;  // an update has made the local map small again
+  state.local_keyframes = 2;  // an update has shrunk the local map
   EXPECT_EQ(reason(rules, state), "fast motion");
   state.since_keyframe = 299ms;
   EXPECT_EQ(reason(rules, state), "fast motion");
@@ -134,7 +134,7 @@ TEST(UpdateContent, IsAMapOfItsOwn) {
   const MapDelta update =
       map.read([&](const MapView& view) { return extract_keyframes(view, wanted); });
   ASSERT_EQ(update.keyframes.size(), 2u);
-  EXPECT_EQ(update.points.size(), 150u);  // of 2 and 3 seen by 3; of 4
+  EXPECT_EQ(update.points.size(), 150u);  // points of 2 and 3 seen by 3, and those of 4
   Map local;
   const CommitReport report = local.commit(update);
   EXPECT_EQ(report.unknown, 0);

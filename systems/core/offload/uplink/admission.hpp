@@ -18,20 +18,20 @@ struct AdmissionState {
   double last_accepted_s = -1;  ///< sequence time; negative: none yet
   double played_fps = 30;
   int queue_limit = 3;  ///< keyframes that may wait for the mapper
-  int max_frames = 0;   ///< ORB-SLAM2's mMaxFrames; 0: a second at the played rate
+  int max_frames = 0;   ///< ORB-SLAM2's mMaxFrames; 0: one second of frames
 };
 
-/// The reason when a keyframe came before any that a map can start with.
+/// Decline reason for a keyframe that arrives before any that can start a map.
 inline constexpr std::string_view kNoMap = "not the first keyframe";
 
-/// Edge-SLAM's second half of ORB-SLAM2's keyframe rule: nothing when the keyframe is welcome, else
-/// why it is not. Conditions and constants: systems/edgeslam/README.md.
+/// Applies the edge's half of ORB-SLAM2's keyframe rule, as Edge-SLAM splits it. Returns the reason
+/// why the keyframe is declined, or nothing. Conditions and constants: systems/edgeslam/README.md.
 std::optional<std::string_view> keyframe_decline_reason(const wire::KeyFrameMessage& message,
                                                         const AdmissionState& state);
 
-/// The delta as it can be committed to a map that went on without the mobile: points that were
-/// fused meanwhile are named by their survivor, points that were culled or never came are
-/// forgotten, none is seen twice.
+/// Adapts the delta so that it can be committed to a map that has changed since the mobile made it.
+/// Points fused meanwhile are replaced by their survivor; points that were culled or never arrived
+/// are removed. No keyframe sees a point twice.
 MapDelta rebase_keyframe(const MapView& view, MapDelta delta);
 
 }  // namespace slambed

@@ -6,14 +6,13 @@
 
 namespace slambed {
 
-/// Sends keyframes from the tracking worker: serializing counts as tracking time, as Edge-SLAM
-/// does.
+/// Sends keyframes on the tracking worker: serializing counts as tracking time, as in Edge-SLAM.
 class KeyFrameUplink {
  public:
   KeyFrameUplink(MobileNode& node, Channel& channel, MessageCodec codec = {})
       : node_(node), channel_(channel), codec_(std::move(codec)) {}
 
-  /// What goes along with a keyframe.
+  /// Properties sent with a keyframe.
   struct About {
     KeyFrameNeed need = KeyFrameNeed::kIfMapperAgrees;
     bool first = false;  ///< the edge's map begins with it
@@ -22,10 +21,10 @@ class KeyFrameUplink {
     std::uint64_t applied_update = 0;
     MapPointId newest_edge_point{};
   };
-  /// A delta of two keyframes (a single camera's map begins with them) is sent as one, named by the
-  /// later; an empty delta sends nothing.
+  /// Sends the delta as one message. The two initial keyframes of a monocular map go together,
+  /// under the later one's id. An empty delta sends nothing.
   void send(Worker& worker, const TrackedFrame& frame, MapDelta delta, const About& about);
-  /// Of the last message on the channel, 0 when there was none.
+  /// Sequence of the last message on the channel; 0: none.
   std::uint64_t last_sequence() const { return last_sequence_; }
 
  private:

@@ -6,7 +6,7 @@
 namespace slambed {
 namespace {
 
-/// Arguments: observations, whether all iterations are run.
+/// Arguments: observations, whether to run all iterations.
 void BM_Pose(benchmark::State& state) {
   const auto s =
       scene::make_pose_scene(int(state.range(0)), {.outlier_share = 0.1, .mono_share = 0.2});
@@ -21,8 +21,8 @@ void BM_Pose(benchmark::State& state) {
 }
 BENCHMARK(BM_Pose)->ArgsProduct({{100, 300, 500, 1000}, {0, 1}})->Unit(benchmark::kMillisecond);
 
-/// Arguments: free and fixed keyframes, points, observations per point, whether all iterations are
-/// run.
+/// Arguments: free and fixed keyframes, points, observations per point, whether to run all
+/// iterations.
 void BM_Bundle(benchmark::State& state) {
   const auto s =
       scene::make_bundle_scene(int(state.range(0)), int(state.range(1)), int(state.range(2)),

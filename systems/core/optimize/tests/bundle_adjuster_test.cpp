@@ -35,7 +35,7 @@ TEST(BundleAdjusterTest, NoiseFreeSceneIsRecovered) {
     BundleAdjuster adjuster(s.problem, kThorough);
     scene::run_to_the_end(adjuster);
     const BundleProblem& p = adjuster.problem();
-    // Pixels are 32-bit floats, good to 3e-5 px; depth is off by z^2 / (f b) times that.
+    // Pixels are 32-bit floats, accurate to 3e-5 px. The depth error is z^2 / (f b) times that.
     EXPECT_LT(worst_position_error_m(s, p), 1e-5);
     for (std::size_t i = 0; i < p.p_w.size(); ++i) {
       EXPECT_LT((p.p_w[i] - s.true_p_w[i]).norm(), 1e-4);
@@ -47,11 +47,11 @@ TEST(BundleAdjusterTest, NoiseFreeSceneIsRecovered) {
 
 TEST(BundleAdjusterTest, ResidualsOfANoisySceneHaveTheExpectedSize) {
   const auto s = make_bundle_scene(10, 5, 1000, 5, {.seed = 3});
-  // Plain least squares from the truth: no observation is lost to the outlier test of bad values.
+  // Starts plain least squares at the truth, so that bad initial values cause no outliers.
   BundleProblem from_truth = s.problem;
   from_truth.T_cw = s.true_T_cw;
   from_truth.p_w = s.true_p_w;
-  for (auto& o : from_truth.observations) o.inv_sigma2 *= 0.1f;  // nothing fails the limit
+  for (auto& o : from_truth.observations) o.inv_sigma2 *= 0.1f;  // no observation exceeds the limit
   BundleAdjuster plain(from_truth,
                        {.robust_iterations = 0, .final_iterations = 20, .relative_stop = 0});
   scene::run_to_the_end(plain);
@@ -74,7 +74,7 @@ TEST(BundleAdjusterTest, SeparatesOutliers) {
     BundleAdjuster adjuster(s.problem, BundleOptions{.relative_stop = 0});
     const double start = worst_position_error_m(s, s.problem);
     scene::run_to_the_end(adjuster);
-    // Five seeds without any outlier gave 0.010 to 0.015 m, at the free end of the walk.
+    // Without outliers, five seeds gave 0.010 to 0.015 m at the free end of the trajectory.
     EXPECT_LT(worst_position_error_m(s, adjuster.problem()), 0.03);
     EXPECT_LT(worst_position_error_m(s, adjuster.problem()), start / 2);
     const auto outliers = adjuster.outliers();
@@ -83,7 +83,7 @@ TEST(BundleAdjusterTest, SeparatesOutliers) {
       (s.outlier[i] ? bad : good) += 1;
       (s.outlier[i] ? bad_found : good_marked) += outliers[i];
     }
-    // A point with several bad observations of six can hide one; the rest must be found.
+    // A point with several bad observations of six can hide one. All others must be found.
     EXPECT_GT(bad_found, 0.97 * bad) << share;
     EXPECT_LT(good_marked, (0.05 + share / 2) * good) << share;
   }
@@ -154,7 +154,7 @@ TEST(BundleAdjusterTest, ADoubledObservationCountsTwice) {
     doubled.observations.push_back(s.problem.observations[3 * i]);
     weighted.observations[3 * i].inv_sigma2 *= 2;
   }
-  // Plain least squares with nothing near the limits, so that both have the same observations.
+  // Plain least squares with all errors below the limits, so that both keep all observations.
   for (auto* problem : {&doubled, &weighted}) {
     problem->T_cw = s.true_T_cw;
     problem->p_w = s.true_p_w;
@@ -169,7 +169,7 @@ TEST(BundleAdjusterTest, ADoubledObservationCountsTwice) {
 }
 
 TEST(BundleAdjusterTest, AWholeMapOfManyPosesIsSolvedAsWell) {
-  // Enough free poses for the sparse system.
+  // 150 free poses use the sparse system.
   const auto exact = make_bundle_scene(150, 2, 1500, 6, {.noise_px = 0, .pose_error = 0.005});
   BundleAdjuster adjuster(exact.problem, {.robust_iterations = 60, .relative_stop = 0});
   scene::run_to_the_end(adjuster);

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// What the solvers do with input that has no good answer: never crash, never spread a bad number.
+// Solvers must not crash or propagate bad numbers for input without a good solution.
 #include <gtest/gtest.h>
 
 #include <limits>
@@ -92,7 +92,7 @@ TEST(DegeneratePoseTest, HopelessScenesStayFinite) {
   for (auto& o : behind) o.p_w = s.truth.inverse() * Eigen::Vector3d(0, 0, -2);
   EXPECT_EQ(solve(s.start, behind, outlier).inliers, 0);
 
-  auto same = s.observations;  // one point seen 50 times: the pose is not determined
+  auto same = s.observations;  // one point seen 50 times does not determine the pose
   for (auto& o : same) o = s.observations[0];
   EXPECT_TRUE(finite(solve(s.start, same, outlier).T_cw));
 
@@ -161,8 +161,8 @@ TEST(DegenerateBundleTest, NothingFixedStillConverges) {
 TEST(DegenerateBundleTest, BadNumbersAreOutliersAndHarmNothing) {
   const auto s = scene::make_bundle_scene(5, 3, 100, 4, {.seed = 4});
   BundleProblem dirty = s.problem;
-  dirty.p_w.push_back({kNan, 0, 0});  // a bad point ...
-  dirty.p_w.push_back({0, 0, 3});     // ... and one that nobody sees
+  dirty.p_w.push_back({kNan, 0, 0});  // a bad point
+  dirty.p_w.push_back({0, 0, 3});     // a point without observations
   dirty.T_cw.push_back(SE3());        // a bad fixed pose
   dirty.T_cw.back().t.z() = kNan;
   const auto clean_count = dirty.observations.size();

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Ceres, with derivatives it forms itself, is the oracle of the solvers behind loop closing.
+// Compares the solvers of loop closing with Ceres, which computes its own derivatives.
 #include <ceres/ceres.h>
 #include <ceres/rotation.h>
 #include <gtest/gtest.h>
@@ -21,8 +21,7 @@ Sim3 from_parameters(const Parameters& a) {
   return {std::exp(a[6]), SE3::exp(turn).R, {a[3], a[4], a[5]}};
 }
 
-/// Our own logarithm, with numeric derivatives: the definition of the cost is shared, the way to
-/// its minimum is not.
+/// Uses slambed's logarithm with numeric derivatives: both sides share the cost, not the minimizer.
 struct GraphResidual {
   Sim3 S_to_from;
   bool operator()(const double* from, const double* to, double* residual) const {

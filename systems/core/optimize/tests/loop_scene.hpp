@@ -13,12 +13,12 @@ inline double sim3_distance(const Sim3& a, const Sim3& b) {
 }
 
 struct GraphScene {
-  PoseGraphProblem problem;  ///< dead reckoning as starting values
+  PoseGraphProblem problem;  ///< initial values from dead reckoning
   std::vector<Sim3> truth;
 };
 
-/// Cameras on a circle, each measured from the one before with an error, and the last from the
-/// first without one. The first is fixed at the truth. scale_noise 0: rigid.
+/// Makes cameras on a circle. Each is measured relative to the previous two with noise, and the
+/// loop edge is exact. The first camera is fixed at the truth. scale_noise 0: rigid.
 inline GraphScene make_ring(int poses, double noise, double scale_noise, unsigned seed = 1) {
   Maker make({.seed = seed});
   GraphScene s;
@@ -57,8 +57,8 @@ struct Sim3Scene {
   std::vector<std::uint8_t> outlier;
 };
 
-/// Points between one and five meters that two cameras, half a meter and some ten degrees apart,
-/// see. The second camera's map is `scale` times smaller; positions err by point_noise_m.
+/// Makes points at one to five meters, seen by two cameras half a meter and some ten degrees apart.
+/// The second camera's map is `scale` times smaller; positions have point_noise_m of noise.
 inline Sim3Scene make_sim3_scene(int count, double scale, double outlier_share, double noise_px,
                                  double point_noise_m, unsigned seed = 1) {
   Maker make({.seed = seed});

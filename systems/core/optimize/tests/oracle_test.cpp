@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Ceres, with derivatives it forms itself, is the oracle: same minimum, same outliers.
+// Compares minimum and outliers with Ceres, which computes its own derivatives.
 #include <ceres/ceres.h>
 #include <ceres/rotation.h>
 #include <gtest/gtest.h>
@@ -38,7 +38,7 @@ SE3 from_array(const std::array<double, 6>& a) {
   return {SE3::exp(turn).R, Eigen::Vector3d(a[3], a[4], a[5])};
 }
 
-/// Minimizes the cost of the observations that are not marked; updates the free poses and points.
+/// Minimizes the cost of the observations not marked as outliers; updates free poses and points.
 void solve_with_ceres(BundleProblem& problem, const std::vector<std::uint8_t>& outlier, bool robust,
                       bool move_points) {
   std::vector<std::array<double, 6>> poses;
@@ -101,8 +101,8 @@ TEST_P(OracleTest, PoseRoundsReachTheSameMinima) {
     EXPECT_NEAR(got.cost, want.inlier_cost, kCostTolerance * want.inlier_cost) << rounds;
     EXPECT_LT(scene::position_error_m(got.T_cw, oracle.T_cw[0]), 1e-5) << rounds;
   };
-  // Every round restarts from the given pose without the outliers of the round before; the last of
-  // four is plain least squares, a single one is robust.
+  // Every round restarts from the given pose without the outliers of the previous round. The last
+  // of four uses plain least squares, a single round is robust.
   std::vector<std::uint8_t> outlier(s.observations.size(), 0);
   for (int round = 1; round <= 4; ++round) {
     BundleProblem oracle = start;
@@ -140,8 +140,8 @@ TEST_P(OracleTest, BundleStagesReachTheSameMinima) {
 }
 
 TEST(WildPointTest, APointWithMostlyOutliersIsNotLost) {
-  // Here one point has three gross errors in five views. Ceres lets it run away behind the cameras,
-  // which costs all five; ours must keep it in front and so end lower.
+  // One point has gross errors in three of five views. Ceres lets it move behind the cameras, which
+  // costs all five views. BundleAdjuster must keep it in front and reach a lower cost.
   const auto s = scene::make_bundle_scene(6, 4, 250, 5, {.seed = 2, .outlier_share = 0.05});
   BundleProblem oracle = s.problem;
   solve_with_ceres(oracle, std::vector<std::uint8_t>(oracle.observations.size(), 0), true, true);

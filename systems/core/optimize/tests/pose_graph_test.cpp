@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Closing a ring of relative poses, rigid and with drifting scale.
+// Closes a ring of relative poses, rigid and with scale drift.
 #include "optimize/pose_graph.hpp"
 
 #include <gtest/gtest.h>

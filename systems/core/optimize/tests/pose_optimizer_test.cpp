@@ -22,7 +22,7 @@ TEST(PoseOptimizerTest, NoiseFreePoseIsExact) {
     const auto s = make_pose_scene(200, {.seed = 2, .noise_px = 0, .mono_share = mono_share});
     std::vector<std::uint8_t> outlier;
     const PoseResult result = solve(s, outlier);
-    // Pixels are 32-bit floats, good to 3e-5 px: about 1e-7 rad.
+    // Pixels are 32-bit floats, accurate to 3e-5 px or about 1e-7 rad.
     EXPECT_LT(scene::rotation_error_rad(result.T_cw, s.truth), 1e-6);
     EXPECT_LT(scene::position_error_m(result.T_cw, s.truth), 1e-6);
     EXPECT_EQ(result.inliers, 200);
@@ -37,7 +37,7 @@ TEST(PoseOptimizerTest, OnePixelOfNoiseCostsMillimetres) {
     const PoseResult result = solve(s, outlier);
     EXPECT_LT(scene::rotation_error_rad(result.T_cw, s.truth), 2e-3);
     EXPECT_LT(scene::position_error_m(result.T_cw, s.truth), 6e-3);
-    EXPECT_GT(result.inliers, 440);  // 5 % of good ones fail the test, by its definition
+    EXPECT_GT(result.inliers, 440);  // the chi-square test rejects 5 % of the inliers
     EXPECT_LT(result.inliers, 500);
   }
 }
@@ -85,8 +85,8 @@ TEST(PoseOptimizerTest, ConvergesFromFarAway) {
 }
 
 TEST(PoseOptimizerTest, AnObservationThatFailedCanComeBack) {
-  // One iteration per round does not arrive, so the first round drops good observations; dropping
-  // the gross errors brings the later rounds closer.
+  // One iteration per round does not converge, so the first round drops good observations. Without
+  // the gross errors, later rounds get closer.
   const auto s =
       make_pose_scene(300, {.seed = 5, .noise_px = 0.3, .outlier_share = 0.2, .pose_error = 0.1});
   std::vector<std::uint8_t> first, last;

@@ -9,15 +9,15 @@
 #include "optimize/bundle_adjuster.hpp"
 #include "optimize/pose_optimizer.hpp"
 
-/// Synthetic scenes with known truth for tests and benchmarks of the solvers.
+/// Synthetic scenes with ground truth for tests and benchmarks of the solvers.
 namespace slambed::scene {
 
 struct Recipe {
   unsigned seed = 1;
   double noise_px = 1;       ///< standard deviation at octave 0, times the octave's scale
-  double outlier_share = 0;  ///< of the observations: moved by 20 to 100 px
-  double mono_share = 0;     ///< of the observations: without a right coordinate
-  double pose_error = 0.02;  ///< of the starting values, m and rad per axis
+  double outlier_share = 0;  ///< share of observations moved by 20 to 100 px
+  double mono_share = 0;     ///< share of observations without a right coordinate
+  double pose_error = 0.02;  ///< of the initial values, m and rad per axis
   double point_error_m = 0.03;
 };
 
@@ -88,14 +88,14 @@ inline PoseScene make_pose_scene(int count, const Recipe& recipe) {
 }
 
 struct BundleScene {
-  BundleProblem problem;  ///< with disturbed starting values
+  BundleProblem problem;  ///< with perturbed initial values
   std::vector<SE3> true_T_cw;
   std::vector<Eigen::Vector3d> true_p_w;
   std::vector<std::uint8_t> outlier;
 };
 
-/// A camera that walks past a wall of points; each point is seen by a run of neighboring
-/// keyframes. The oldest keyframes are the fixed ones, last in the list of poses.
+/// Makes a camera that moves along a wall of points. Consecutive keyframes see each point. The
+/// oldest keyframes are fixed and last in the list of poses.
 inline BundleScene make_bundle_scene(int free_poses, int fixed_poses, int points,
                                      int observations_per_point, const Recipe& recipe) {
   Maker make(recipe);
@@ -137,7 +137,7 @@ inline BundleScene make_bundle_scene(int free_poses, int fixed_poses, int points
   return s;
 }
 
-/// Squared error of one observation, from the definition; a huge number behind the camera.
+/// Chi-square of one observation, from the definition; a huge number behind the camera.
 inline double chi2(const Camera& c, const SE3& T_cw, const Eigen::Vector3d& p_w, double u, double v,
                    double right_u, double inv_sigma2) {
   const Eigen::Vector3d p = T_cw * p_w;
@@ -166,7 +166,7 @@ inline double position_error_m(const SE3& a, const SE3& b) {
   return (a.inverse().t - b.inverse().t).norm();
 }
 
-/// Steps until there is nothing left to gain; how many.
+/// Runs all steps and returns their number.
 inline int run_to_the_end(BundleAdjuster& adjuster) {
   int steps = 0;
   while (adjuster.step()) ++steps;

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The kernels of every instruction set give the bits of the portable ones.
+// The kernels of every instruction set give the same bits as the portable ones.
 #include "optimize/schur_kernels.hpp"
 
 #include <gtest/gtest.h>
@@ -24,7 +24,7 @@ std::vector<const SchurKernels*> runnable() {
   return all;
 }
 
-/// Points before and behind cameras, monocular and doubled observations, rows that are off.
+/// Points in front of and behind cameras, monocular, doubled, inactive and wrong rows.
 struct Scene {
   explicit Scene(unsigned seed, std::uint32_t points = 60) {
     std::mt19937 random(seed);
@@ -74,7 +74,7 @@ struct Scene {
   BundleValues values{rows, camera};
 };
 
-/// Everything that kernels compute, without paddings.
+/// Everything that kernels compute, without padding.
 struct Result {
   std::vector<double> numbers;
   std::vector<std::uint8_t> flags;
@@ -99,7 +99,7 @@ Result costs_by(const SchurKernels& kernels, const Scene& scene, bool robust) {
   return result;
 }
 
-/// The normal equations of a scene, and what is left when the points are eliminated from zero.
+/// The normal equations of a scene and the result of eliminating the points from a zero matrix.
 struct Equations {
   Equations(const SchurKernels& kernels, const Scene& scene, bool robust)
       : order(scene.rows, nullptr), points(scene.p_w.size()) {
@@ -132,7 +132,7 @@ struct Equations {
     }
   }
 
-  /// All of it, without paddings.
+  /// Returns all of it without padding.
   Result result() const {
     Result result;
     result.flags = coupled;
@@ -153,7 +153,7 @@ struct Equations {
 
 TEST(SchurKernels, EveryInstructionSetGivesTheSameBits) {
   for (unsigned seed = 1; seed <= 20; ++seed) {
-    const Scene scene(seed, 40 + seed);  // batches that end anywhere
+    const Scene scene(seed, 40 + seed);  // row counts that are no multiple of the lanes
     for (const bool robust : {true, false}) {
       const Result costs = costs_by(portable_schur_kernels(), scene, robust);
       const Result equations = Equations(portable_schur_kernels(), scene, robust).result();
@@ -167,7 +167,7 @@ TEST(SchurKernels, EveryInstructionSetGivesTheSameBits) {
   }
 }
 
-/// A symmetric positive definite matrix of this size, the lower triangle.
+/// Returns the lower triangle of a symmetric positive definite matrix.
 DenseCholesky matrix_of(const Eigen::MatrixXd& full, const SchurKernels& kernels) {
   const auto n = static_cast<std::size_t>(full.rows());
   DenseCholesky matrix(n, kernels);
@@ -202,7 +202,7 @@ TEST(SchurKernels, FactorizationSolvesAsEigensAndGivesTheSameBits) {
   }
 }
 
-/// Every sum anew, pair of rows by pair of rows, from the blocks that linearize() left.
+/// Recomputes every sum, one pair of rows at a time, from the blocks of linearize().
 TEST(SchurKernels, EliminationTakesEveryPairOfRowsOfAPointOnce) {
   const Scene scene(5);
   const BundleRows& rows = scene.rows;

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The similarity between two views from matches: exact, noisy, with outliers, with unknown scale.
+// The similarity between two views from exact, noisy and outlier matches, also with unknown scale.
 #include "optimize/sim3_solver.hpp"
 
 #include <gtest/gtest.h>

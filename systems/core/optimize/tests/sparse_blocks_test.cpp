@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Sparse block systems against the dense factorization.
+// Compares sparse block systems with the dense factorization.
 #include "optimize/sparse_blocks.hpp"
 
 #include <gtest/gtest.h>
@@ -23,7 +23,7 @@ struct Example {
     used = pairs;
     fill();
   }
-  /// Random off-diagonal blocks and a diagonal that outweighs them.
+  /// Sets random off-diagonal blocks and a dominant diagonal.
   void fill() {
     std::uniform_real_distribution<double> unit(-1, 1);
     dense = Eigen::MatrixXd::Zero(D * kSize, D * kSize);

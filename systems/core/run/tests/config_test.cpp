@@ -19,7 +19,7 @@ nlohmann::json valid() {
     "output": "/out", "connect_timeout_s": 20.0 })");
 }
 
-/// The one-line complaint about a configuration, empty when there is none.
+/// Returns the one-line error message about a configuration, or an empty string.
 std::string complaint(const nlohmann::json& json) {
   testing::TemporaryFolder folder;
   const auto path = folder.write("run.json", json.dump());
@@ -163,7 +163,7 @@ TEST(RunConfig, TheProfilesRttIsATableOverRunTime) {
   EXPECT_EQ(rtt->at(from_seconds(0.2)), from_seconds(0.010));
   EXPECT_EQ(rtt->at(from_seconds(100)), from_seconds(0.010));
   EXPECT_EQ(with({{"step_s", 1}, {"rtt_ms", {7}}})->at(from_seconds(3)), from_seconds(0.007));
-  // The largest numbers that are taken.
+  // The largest numbers that are accepted.
   const auto large = with({{"step_s", 3600}, {"rtt_ms", {0, 1e6, 0}}});
   EXPECT_EQ(large->at(from_seconds(1800)), from_seconds(500));
   EXPECT_EQ(large->at(from_seconds(3600 + 2700)), from_seconds(250));

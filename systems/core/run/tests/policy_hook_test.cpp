@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// What a policy sees of a frame before tracking does, and what it may take away.
+// A policy sees a frame before tracking does, and may remove features from it.
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -15,7 +15,7 @@ namespace {
 
 constexpr int kWidth = 320, kHeight = 240, kDark = 10;
 
-/// What the policy saw, and tracking after it.
+/// What the policy saw, and what tracking saw after it.
 struct Seen {
   int frames = 0, pictures = 0, fine = 0, lost = 0;
   std::vector<int> given, tracked;
@@ -115,7 +115,7 @@ TEST(PolicyHook, TrackingSeesWhatThePolicyLeaves) {
   EXPECT_EQ(std::count(seen.given.begin(), seen.given.end(), 0), 1);
   EXPECT_EQ(seen.lost, 1);
 
-  // What extraction costs hangs on the octaves: the stage tells their pixels, in pictures.
+  // The cost of extraction depends on the octaves: the stage reports their pixels in full images.
   std::istringstream lines(testing::read_text(folder.path() / "mobile" / "events.jsonl"));
   int extracted = 0;
   for (std::string line; std::getline(lines, line);) {

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Each way in which a segmenter may fail, and that the next picture has masks again.
+// After each kind of segmenter failure, the next image has masks again.
 #include "run/segmenter_client.hpp"
 
 #include <gtest/gtest.h>
@@ -20,7 +20,7 @@ constexpr int kAcross = 40, kDown = 30;
 constexpr auto kAnswerLimit = 200ms;
 const Bytes kPicture{9, 8, 7};
 
-/// As slambed.segment writes a frame.
+/// Returns a frame's block as slambed.segment writes it.
 Bytes block_of(const FrameMasks& masks) {
   const Bytes body = wire::encode_segmentation(masks);
   wire::ByteWriter out;
@@ -47,7 +47,7 @@ class SegmenterClientTest : public ::testing::Test {
                    [this] { return sensor; });
   }
   Segmentation ask() { return client->masks(3, kPicture, 0.7); }
-  /// The complaint about one bad answer, after which good ones come over another call.
+  /// Returns the failure text for one bad answer. Later answers are good, over a new connection.
   std::string after(Bytes bad, int calls = 2) {
     std::filesystem::remove(socket);
     new_client();
@@ -105,7 +105,7 @@ TEST_F(SegmenterClientTest, SaysThatAPictureWasRefused) {
 
 TEST_F(SegmenterClientTest, WaitsNoLongerThanItsLimit) {
   const auto began = std::chrono::steady_clock::now();
-  // An answer that says too much of itself: the rest never comes.
+  // An answer whose length field is one too large: the last byte never arrives.
   Bytes torn = answer_of(masks);
   torn[0] = static_cast<std::uint8_t>(torn[0] + 1);
   EXPECT_NE(after(torn).find("longer than 200 ms"), std::string::npos);

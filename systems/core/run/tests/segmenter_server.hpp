@@ -17,8 +17,8 @@
 
 namespace slambed::testing {
 
-/// A segmenter in this process that answers as a test says: every byte, length included. An answer
-/// of nothing is a call that it ends.
+/// A segmenter in this process. The test defines every byte of its answers, including the length.
+/// An empty answer closes the connection.
 class SegmenterServer {
  public:
   using Bytes = wire::Bytes;
@@ -31,7 +31,7 @@ class SegmenterServer {
     const std::string name = place.filename().string();
     std::memcpy(address.sun_path, name.data(), name.size());
     const auto before = std::filesystem::current_path();
-    std::filesystem::current_path(place.parent_path());  // an address has room for 107 characters
+    std::filesystem::current_path(place.parent_path());  // addresses hold at most 107 characters
     EXPECT_EQ(::bind(door_, reinterpret_cast<sockaddr*>(&address), sizeof address), 0);
     std::filesystem::current_path(before);
     EXPECT_EQ(::listen(door_, 1), 0);
@@ -48,7 +48,6 @@ class SegmenterServer {
 
   int calls() const { return calls_; }
 
-  /// An answer that holds these bytes.
   static Bytes holding(const Bytes& block) {
     wire::ByteWriter out;
     out.u32(static_cast<std::uint32_t>(block.size()));

@@ -9,7 +9,8 @@
 namespace slambed {
 namespace {
 
-/// A camera driver, a player of recordings and a viewer wake up some ten times a second each.
+/// The load stands for a camera driver, a recording player and a viewer, each of which wakes up
+/// some ten times a second.
 constexpr Duration kPeriod = std::chrono::milliseconds(20);
 
 }  // namespace
@@ -22,7 +23,7 @@ void spawn_background_load(Runtime& runtime, double cores, double share) {
       const Duration begin_cpu = thread_cpu_time();
       for (std::int64_t period = 1; !worker.stopping(); ++period) {
         const RunTime next = worker.now() + kPeriod;
-        // What a period could not get is made up for in the next ones, as work that waits is.
+        // CPU time that a period did not get is made up for in the next ones, as for queued work.
         burn_until(begin_cpu + period * each, [&] { return worker.stopping(); });
         worker.sleep_until(next);
       }

@@ -40,7 +40,7 @@ class LiveRuntime::LiveSignal final : public Signal {
     changed_.notify_all();
   }
 
-  /// Wakes waiters without counting: they look whether the run stops.
+  /// Wakes waiters without a notification, so that they check whether the run stops.
   void nudge() {
     { std::lock_guard lock(mutex_); }
     changed_.notify_all();
@@ -83,7 +83,7 @@ class LiveRuntime::LiveWorker final : public Worker {
 
  protected:
   StageToken begin_stage(std::string_view name) override {
-    if (runtime_.pace_) runtime_.pace_->check(name);  // end_stage is called by a destructor
+    if (runtime_.pace_) runtime_.pace_->check(name);  // end_stage must not throw in a destructor
     return {name, now(), thread_cpu_time()};
   }
 
@@ -93,7 +93,7 @@ class LiveRuntime::LiveWorker final : public Worker {
 
   void end_stage_with(StageToken& token, const StageUnits& units,
                       const std::function<void()>& effect) override {
-    const auto paced = hold(token, units);  // a slow device has nothing to show before
+    const auto paced = hold(token, units);  // a slow device would not have the result earlier
     effect();
     record(token, units, paced);
   }
@@ -132,7 +132,7 @@ LiveRuntime::~LiveRuntime() {
   stop();
   try {
     join();
-  } catch (...) {  // nobody is left to hear of it
+  } catch (...) {  // there is no caller left to report it to
   }
 }
 

@@ -19,12 +19,12 @@ namespace slambed {
 /// Nanoseconds of CLOCK_MONOTONIC.
 Duration monotonic_now();
 
-/// Workers are threads, time is CLOCK_MONOTONIC minus the run's t0. Stages take what their work
-/// takes, or what a device would take for it.
+/// Workers are threads, and time is CLOCK_MONOTONIC minus the run's t0. A stage takes the time of
+/// its work or, with a pace, the time that a device would take.
 class LiveRuntime final : public Runtime {
  public:
   explicit LiveRuntime(Observer& observer, std::optional<PaceOptions> pace = {});
-  /// Stops and joins what still runs; an exception of a worker that nobody joined is dropped.
+  /// Stops and joins the remaining workers. Drops an exception that join() has not rethrown.
   ~LiveRuntime() override;
 
   /// Sets run time zero, an instant of CLOCK_MONOTONIC. Until then run time counts from boot.

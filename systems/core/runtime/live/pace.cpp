@@ -11,9 +11,9 @@
 namespace slambed {
 namespace {
 
-/// So little over what the device would take is the clocks' and the bookkeeping's.
+/// An excess below this comes from clock reads and bookkeeping and does not count as missed.
 constexpr Duration kUnnoticed = std::chrono::microseconds(100);
-/// Between two looks at the thread's clock, which cost a system call each: some microseconds.
+/// Iterations between two reads of the thread's clock, each a system call: a few microseconds.
 constexpr int kSpins = 4000;
 
 void spin() {

@@ -13,34 +13,31 @@
 
 namespace slambed {
 
-/// Time that the calling thread has had of a CPU.
 Duration thread_cpu_time();
-/// Computes for nothing until the calling thread has had this much of a CPU, or nobody wants it any
-/// more.
+/// Spins until the calling thread has used this much CPU time or over() returns true.
 void burn_until(Duration thread_cpu, const std::function<bool()>& over);
 
 struct PaceOptions {
   DeviceModel device;
-  double share = 1;  ///< of a CPU of this host that one core of the device is: a thread's quota
+  double share = 1;  ///< one core of the device as a share of a CPU of this host (CPU quota)
   std::uint64_t seed = 0;
 };
 
-/// Makes the stages of live workers take what a device's cost model charges for them, jitter
-/// included. A stage of d seconds has had `share * d` of a CPU and ends d after its begin, not
-/// before: what the work itself left of the CPU time is burnt, what the quota then leaves of d is
-/// slept. So the quota slows a stage to the device's speed once, and neither its period nor the
-/// host's speed shows; who waits for a CPU, or is held back for what other threads took of the
-/// node's quota, ends later.
+/// Makes the stages of live workers take the time that a device's cost model charges, jitter
+/// included. A stage of d seconds uses `share * d` of CPU time and does not end before d after its
+/// start. The CPU time that the work did not use is burned, then the rest of d is slept. Neither
+/// the period of the CPU quota nor the host's speed influences the duration. A stage that waits for
+/// a CPU, or is throttled because other threads used up the node's quota, ends later.
 ///
-/// What an accelerator does burns nothing. Its lanes are not shared: each piece takes its time.
+/// Accelerator stages burn no CPU time. Contention for their lanes is not modeled.
 class Pace {
  public:
-  /// Throws Error(kBadInput) for a model or a share that cannot be.
+  /// Throws Error(kBadInput) for an invalid model or share.
   explicit Pace(PaceOptions options);
 
   /// Throws Error(kBadInput) for a stage that has no cost.
   void check(std::string_view stage) const { options_.device.cost(stage); }
-  /// When a stage began: on the wall clock that `sleep_until` means, and of its thread.
+  /// When a stage started: on the clock of `sleep_until`, and in CPU time of its thread.
   struct Begin {
     RunTime start{};
     Duration cpu{};
@@ -50,7 +47,7 @@ class Pace {
     std::function<void(RunTime)> sleep_until;  ///< returns early once the run stops
     std::function<bool()> stopping;
   };
-  /// On the thread of the stage, whose work is done: returns when the device would be done.
+  /// Call on the stage's thread after its work. Returns when the device would be done.
   PacedStage hold(std::string_view stage, const StageUnits& units, const Begin& begin,
                   const Surroundings& around);
 

@@ -20,8 +20,8 @@ namespace {
 constexpr int kBacklog = 8;
 /// Enough to keep a 1 Gbit/s, 1 ms path busy between two wake-ups.
 constexpr int kUnsentBytes = 128 * 1024;
-/// A peer that acknowledges nothing for so long is gone, so an outage below 20 s breaks no
-/// connection: TCP retransmits, messages wait.
+/// A peer that acknowledges nothing for this long counts as gone. A shorter outage does not break
+/// the connection: TCP retransmits and messages wait.
 constexpr int kUserTimeoutMs = 20'000;
 constexpr int kKeepIdleS = 5, kKeepIntervalS = 5, kKeepCount = 3;
 

@@ -11,26 +11,27 @@
 namespace slambed {
 
 struct Endpoint {
-  std::string address;  ///< IPv4 or IPv6 in numbers
+  std::string address;  ///< numeric IPv4 or IPv6 address
   std::uint16_t port = 0;
 };
 
-/// Throws bad_input when the address is not written in numbers.
+/// Throws bad_input unless the address is numeric.
 void check_address(const Endpoint& endpoint);
-/// A listening, non-blocking socket. Throws environment_error when the address cannot be had.
+/// Returns a listening, non-blocking socket. Throws environment_error if the address is not
+/// available.
 FileDescriptor listen_on(const Endpoint& endpoint);
 std::uint16_t local_port(int fd);
 
-/// Begins a non-blocking connect; an empty descriptor when that failed at once (no route yet).
+/// Starts a non-blocking connect. Returns an empty descriptor if it fails at once (no route yet).
 FileDescriptor begin_connect(const Endpoint& endpoint);
-/// Result of the connect once the socket is writable: 0 or an errno.
+/// Returns the result of the connect once the socket is writable: 0 or an errno.
 int connect_error(int fd);
 
-/// What every connection of ours gets: no Nagle delay, the pinned congestion control, a bound on
-/// unsent bytes in the kernel (so that our own newest-wins queues decide) and notice of dead peers.
-/// Returns what could not be set, empty when all could.
+/// Sets the options of every connection: no Nagle delay, the given congestion control, a bound on
+/// unsent bytes in the kernel (so that our newest-wins queues decide) and detection of dead peers.
+/// Returns the options that could not be set, or an empty string.
 std::string tune_connection(int fd, const std::string& congestion_control);
-/// Acknowledge at once; the kernel forgets it, so it is asked again after each read.
+/// Sets TCP_QUICKACK. The kernel resets it, so it is set again after each read.
 void acknowledge_now(int fd);
 
 /// tcpi_rtt, absent before the first sample.

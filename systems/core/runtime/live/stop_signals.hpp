@@ -15,7 +15,7 @@ class StopSignals {
   StopSignals(const StopSignals&) = delete;
   StopSignals& operator=(const StopSignals&) = delete;
 
-  /// on_stop runs once, at the first signal; also when that came before this call.
+  /// Calls on_stop once, at the first signal, even if the signal came before this call.
   void watch(std::function<void()> on_stop);
   /// After it returns, on_stop is not called any more.
   void unwatch();

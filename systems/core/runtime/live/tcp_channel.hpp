@@ -13,7 +13,7 @@
 
 namespace slambed {
 
-/// The queues of one channel: workers on one side, the network's I/O thread on the other.
+/// The queues of one channel between the workers and the network's I/O thread.
 class TcpChannel final : public Channel {
  public:
   TcpChannel(LiveRuntime& runtime, Observer& observer, ChannelOptions options,
@@ -26,18 +26,18 @@ class TcpChannel final : public Channel {
   Signal& signal() override { return *signal_; }
   PathStats path() const override;
 
-  // The I/O thread's side.
+  // For the I/O thread.
   std::optional<Message> next_to_send();
-  /// A message that a broken connection did not take whole goes first on the next one.
-  /// What the kernel had taken whole is not repeated.
+  /// Puts back a message that a broken connection did not write completely, to be sent first on the
+  /// next one. Messages that the kernel took completely are not repeated.
   void put_back(Message message);
-  /// False for a message that came before (sent again after a reconnect).
+  /// Returns false for a message that was received before (repeated after a reconnect).
   bool deliver(Message message);
-  /// fd of the established connection, -1 when there is none. The fd stays open until set to -1.
+  /// Sets the fd of the established connection, or -1. The fd must stay open until then.
   void set_connection(int fd);
-  /// The peer counts its messages from 1 again when it was restarted.
+  /// Call for a restarted peer, whose sequences start at 1 again.
   void forget_peer_sequence();
-  bool idle() const;  ///< nothing is to be sent
+  bool idle() const;  ///< no message is to be sent now
 
   void record_link(std::string_view event, std::string_view detail) const;
 

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// How a channel's connections come, are greeted, replace each other and go.
+// Opening, greeting, replacing and ending the connections of a channel.
 #include "runtime/live/tcp_channel_connections.hpp"
 
 #include <poll.h>
@@ -10,7 +10,7 @@
 namespace slambed {
 namespace {
 
-/// Strangers that may wait for their greeting's check at once.
+/// Limit of simultaneous connections whose greeting has not been accepted yet.
 constexpr std::size_t kMaxCandidates = 8;
 
 }  // namespace
@@ -102,7 +102,7 @@ void TcpNetwork::pump(ChannelConnections& link, TcpConnection& connection, short
       monotonic_now() - connection.opened() > options_.greeting_limit) {
     ended = TcpConnection::End{true, "no greeting in time"};
   }
-  // First, so that what the connection before it did not take whole is the first to go.
+  // Before writing, so that an unfinished message of the previous connection is sent first.
   if (newly_greeted && !ended) promote(link, connection);
   if (!ended) {
     ended = connection.write_some(clock, [&] { return link.channel->next_to_send(); });
@@ -111,11 +111,11 @@ void TcpNetwork::pump(ChannelConnections& link, TcpConnection& connection, short
 }
 
 void TcpNetwork::promote(ChannelConnections& link, TcpConnection& fresh) {
-  if (link.current != &fresh) {  // the peer is back before we saw it go
+  if (link.current != &fresh) {  // the peer may be back before we noticed its loss
     end_current(link, "replaced by a new connection");
   }
   link.current = &fresh;
-  for (auto& other : links_) {  // what is left of a process that is no more
+  for (auto& other : links_) {  // end the connections of the peer's previous process
     if (other->peer_session_id != peer_session_id_) end_current(*other, "the peer was restarted");
   }
   link.channel->set_connection(fresh.fd());
@@ -154,7 +154,7 @@ void TcpNetwork::end_current(ChannelConnections& link, const std::string& reason
   if (link.current) end(link, *link.current, {false, reason});
 }
 
-/// A greeting was accepted: by it a restarted peer is told from one that reconnects.
+/// Called for an accepted greeting. The id distinguishes a restarted peer from a reconnecting one.
 void TcpNetwork::note_session(ChannelConnections& link, std::uint64_t session_id) {
   std::lock_guard lock(mutex_);
   if (session_id != peer_session_id_) {

@@ -13,7 +13,7 @@
 
 namespace slambed {
 
-/// One channel with its sockets. Connections other than the current one have not been greeted yet.
+/// One channel with its sockets. Only the current connection has an accepted greeting.
 struct TcpNetwork::ChannelConnections {
   /// A flood of garbage must not fill the disk through the event log.
   static constexpr int kMaxRejectionsRecorded = 100;
@@ -31,7 +31,7 @@ struct TcpNetwork::ChannelConnections {
   std::uint64_t session = 0;
   int rejections = 0;
   StallWatch stall;
-  std::uint64_t acknowledged = 0;  ///< bytes, of the current connection when it was looked at last
+  std::uint64_t acknowledged = 0;  ///< bytes, of the current connection at the last check
   std::string untuned;             ///< socket options that the host refused
 
   void reject(const std::string& reason) {

@@ -12,9 +12,9 @@
 namespace slambed {
 namespace {
 
-/// A greeting is small; nobody may make us allocate more before we know who it is.
+/// A greeting is small. An unknown peer must not make us allocate more.
 constexpr std::size_t kMaxGreeting = 4096;
-/// Memory for a payload grows as bytes arrive, so that a false length alone costs nothing.
+/// The buffer of a payload grows as bytes arrive, so that a forged length costs no memory.
 constexpr std::size_t kGrowStep = 1 << 20;
 /// Bytes read from one connection before the others get their turn.
 constexpr std::size_t kReadShare = 1 << 20;

@@ -15,13 +15,14 @@ namespace slambed {
 /// Frames on one connected, non-blocking socket. Used by the I/O thread only.
 class TcpConnection {
  public:
-  /// Why a connection ends; rejected: the peer sent what we do not accept.
+  /// Why a connection ends. rejected: the peer sent something invalid.
   struct End {
     bool rejected = false;
     std::string reason;
   };
   using Clock = std::function<RunTime()>;
-  /// Takes a whole, verified frame; returns the reason when its content is not acceptable.
+  /// Handles a complete frame with a valid checksum. Returns the reason why it is refused, or
+  /// nothing.
   using FrameHandler =
       std::function<std::optional<std::string>(const FrameHeader& header, Bytes payload)>;
   using MessageSource = std::function<std::optional<Message>()>;
@@ -34,29 +35,29 @@ class TcpConnection {
   bool wants_write() const { return sending_.has_value(); }
   bool sending() const { return sending_.has_value(); }
 
-  /// Queues our greeting; messages wait until the peer's has been accepted.
+  /// Queues our greeting. Messages wait until the peer's greeting is accepted.
   void greet(std::uint64_t session_id, Bytes payload);
 
-  /// Tells the peer that we are there, unless it hears from us anyway.
+  /// Sends a heartbeat unless another frame is being sent.
   void send_heartbeat(const Clock& clock);
-  /// When bytes last came or went; CLOCK_MONOTONIC.
+  /// When bytes were last received or sent; CLOCK_MONOTONIC.
   RunTime last_received() const { return last_received_; }
   RunTime last_sent() const { return last_sent_; }
-  /// Bytes that were handed to the kernel and that the peer's has acknowledged.
+  /// Bytes that the peer's kernel has acknowledged.
   std::uint64_t acknowledged() const { return written_ - unacknowledged_bytes(fd()); }
 
-  /// Once nothing is left to send, tells the peer that the connection will end.
+  /// Announces the end of the connection to the peer once all messages are sent.
   void begin_close() { closing_ = true; }
-  bool close_sent() const { return close_sent_; }      ///< ours was handed to the kernel
-  bool peer_closing() const { return peer_closing_; }  ///< what follows is no loss
+  bool close_sent() const { return close_sent_; }      ///< true once the announcement is queued
+  bool peer_closing() const { return peer_closing_; }  ///< then its end is not a loss
 
   std::optional<End> read_some(const FrameHandler& on_greeting, const FrameHandler& on_message);
   std::optional<End> write_some(const Clock& clock, const MessageSource& next);
-  /// The message that was not handed to the kernel whole.
+  /// Takes the message that was not completely handed to the kernel.
   std::optional<Message> take_unfinished();
 
  private:
-  /// Nothing: no more bytes now.
+  /// Returns nothing if no bytes are available, or if the connection ended and `end` is set.
   std::optional<std::size_t> receive(std::uint8_t* into, std::size_t want, std::optional<End>& end);
   std::optional<End> begin_payload();
   std::optional<End> finish_frame(const FrameHandler& on_greeting, const FrameHandler& on_message);
@@ -78,8 +79,8 @@ class TcpConnection {
   std::optional<Message> sending_;
   std::uint8_t sending_flags_ = 0;
   std::array<std::uint8_t, FrameHeader::kSize> sending_header_{};
-  std::size_t sent_ = 0;       ///< of the frame being sent
-  std::uint64_t written_ = 0;  ///< of all
+  std::size_t sent_ = 0;       ///< bytes of the frame being sent
+  std::uint64_t written_ = 0;  ///< bytes of all frames
 };
 
 }  // namespace slambed

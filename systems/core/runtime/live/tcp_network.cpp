@@ -173,7 +173,7 @@ void TcpNetwork::watch_stall(ChannelConnections& link) {
 
 bool TcpNetwork::flushed() const {
   for (const auto& link : links_) {
-    if (!link->current) continue;  // nobody to send it to
+    if (!link->current) continue;  // no peer to send to
     if (!link->channel->idle() || !link->current->close_sent() || link->current->sending() ||
         unacknowledged_bytes(link->current->fd()) > 0) {
       return false;

@@ -20,10 +20,10 @@ struct TcpNetworkOptions {
   std::map<std::string, std::uint16_t> ports;  ///< by channel; 0 lets the kernel choose (tests)
   std::string congestion_control = "cubic";    ///< the same on every host
   Duration retry = std::chrono::milliseconds(100);    ///< between two attempts to connect
-  Duration attempt = std::chrono::seconds(1);         ///< a connect that takes longer starts again
-  Duration greeting_limit = std::chrono::seconds(5);  ///< for a stranger who says nothing
+  Duration attempt = std::chrono::seconds(1);         ///< a connect that takes longer is restarted
+  Duration greeting_limit = std::chrono::seconds(5);  ///< until the peer's greeting must be here
   Duration heartbeat = std::chrono::milliseconds(250);
-  Duration silence = kPeerSilence;  ///< then the peer counts as away
+  Duration silence = kPeerSilence;  ///< after this the peer counts as disconnected
 };
 
 /// One TCP connection per channel and one I/O thread for all of them.
@@ -33,16 +33,17 @@ class TcpNetwork final : public Network {
              Greeting greeting);
   ~TcpNetwork() override;
 
-  /// Listening: binds at once, environment_error when the port is taken. bad_input: unknown
-  /// channel.
+  /// If listening, binds at once. Throws environment_error if the port is taken, bad_input if the
+  /// channel has no port.
   Channel& open(const ChannelOptions& options) override;
   PeerState peer() const override;
   Signal& peer_signal() override { return *peer_signal_; }
-  /// Starts the I/O thread; all channels are open by then.
+  /// Starts the I/O thread. All channels must be open.
   void start();
-  /// True when every channel has a greeted peer. Ends early when the runtime stops.
+  /// Returns true once every channel has a greeted peer, false at the timeout or when the runtime
+  /// stops.
   bool wait_connected(Duration timeout);
-  /// Sends what is queued, for at most linger, then closes everything.
+  /// Sends queued messages for at most `linger`, then closes everything.
   void close(Duration linger);
   std::uint16_t port(const std::string& channel) const;
 
@@ -69,9 +70,9 @@ class TcpNetwork final : public Network {
   Observer& observer_;
   TcpNetworkOptions options_;
   Greeting greeting_;
-  std::uint64_t session_id_;  ///< tells a restarted process from a reconnecting one
+  std::uint64_t session_id_;  ///< distinguishes a restarted process from a reconnecting one
   std::uint64_t peer_session_id_ = 0;
-  bool silent_ = false;  ///< connected, but nothing comes
+  bool silent_ = false;  ///< connected, but nothing received for options_.silence
   FileDescriptor wake_;
   std::vector<std::unique_ptr<ChannelConnections>> links_;
   std::unique_ptr<Signal> peer_signal_;

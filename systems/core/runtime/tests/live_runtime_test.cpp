@@ -71,7 +71,7 @@ TEST(LiveRuntime, StopWakesWaitersAndSleepers) {
     ended += worker.stopping();
   });
   while (begun < 2) std::this_thread::yield();
-  std::this_thread::sleep_for(20ms);  // by now both sleep
+  std::this_thread::sleep_for(20ms);  // after this both workers sleep
   EXPECT_EQ(ended, 0);
   runtime.stop();
   runtime.join();
@@ -85,7 +85,7 @@ TEST(LiveRuntime, FirstExceptionStopsTheRunAndComesOutOfJoin) {
   runtime.spawn("sleeper", [](Worker& worker) { worker.sleep_until(kNever); });
   runtime.spawn("thrower", [](Worker&) { throw bad_input("worker failed"); });
   EXPECT_THROW(runtime.join(), Error);
-  runtime.join();  // reported once
+  runtime.join();  // the error is reported only once
 }
 
 TEST(LiveRuntime, StagesAreMeasuredAndNamed) {

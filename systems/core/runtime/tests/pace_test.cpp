@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Live stages at a device's pace. Beside compilers a thread may wait for a CPU as long as it likes:
-// what is asked here are CPU times, lower bounds of wall times, and what was charged.
+// Live stages at a device's pace. On a busy host a thread may wait for a CPU for any time, so the
+// tests check only CPU times, lower bounds of wall times, and charges.
 #include "runtime/live/pace.hpp"
 
 #include <gtest/gtest.h>
@@ -39,7 +39,7 @@ DeviceModel device() {
   return model;
 }
 
-/// Runs one worker to its end; its stages are in `stages`.
+/// Runs one worker to its end and collects its stages in `stages`.
 void run(Stages& stages, const PaceOptions& options, const std::function<void(Worker&)>& body) {
   LiveRuntime runtime(stages, options);
   runtime.set_origin(monotonic_now());
@@ -86,7 +86,7 @@ TEST(Pace, WhatTheWorkTookIsNotBurntOnTop) {
 TEST(Pace, WorkThatTakesLongerThanTheDeviceIsToldAndLeftAsItIs) {
   Stages stages;
   run(stages, {.device = device(), .share = 0.5}, [](Worker& worker) {
-    worker.stage("work", [](StageUnits&) { compute(8ms); });  // a half of 10 ms are the device's
+    worker.stage("work", [](StageUnits&) { compute(8ms); });  // allowed: half of 10 ms
     worker.stage("none", [](StageUnits&) {});
   });
   ASSERT_EQ(stages.all.size(), 2u);
@@ -94,7 +94,7 @@ TEST(Pace, WorkThatTakesLongerThanTheDeviceIsToldAndLeftAsItIs) {
   EXPECT_EQ(stages.all[0].paced->charged, 10ms);
   EXPECT_GE(stages.all[0].paced->work, 8ms);
   EXPECT_LT(stages.all[0].cpu, 10ms);
-  // What costs nothing on a device may still take some microseconds here.
+  // A stage without cost may still take some microseconds here.
   EXPECT_FALSE(stages.all[1].paced->missed);
   EXPECT_EQ(stages.all[1].paced->charged, 0ms);
 }
@@ -188,7 +188,7 @@ TEST(BackgroundLoad, TakesItsShareOfACpuUntilTheRunStops) {
   runtime.join();
   const double took = to_ms(process_cpu() - before), lasted = to_ms(runtime.now() - begin);
   EXPECT_LT(took, 0.15 * lasted + 10);
-  EXPECT_GT(took, 6);  // two periods of both at the least, however busy the host
+  EXPECT_GT(took, 6);  // at least two periods of both threads, even on a busy host
 }
 
 }  // namespace

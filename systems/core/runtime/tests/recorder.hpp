@@ -9,7 +9,6 @@
 
 namespace slambed {
 
-/// Keeps what was observed, for assertions.
 class Recorder final : public Observer {
  public:
   void stage(const StageRecord& record) override {

@@ -55,7 +55,7 @@ TEST(TcpNetwork, LargeMessageArrivesWhole) {
 }
 
 TEST(TcpNetwork, FullSendQueueDropsTheOldestAndRecordsIt) {
-  Node mobile(false, 1, {.name = "k", .send_queue = 2});  // nobody listens there
+  Node mobile(false, 1, {.name = "k", .send_queue = 2});  // no edge listens on port 1
   for (std::uint8_t i = 1; i <= 5; ++i) mobile.channel->send(i, {i});
   const auto records = mobile.recorder.messages();
   ASSERT_EQ(records.size(), 3u);
@@ -73,7 +73,7 @@ TEST(TcpNetwork, NoTransferStartsWhileTheChannelIsHeld) {
   ASSERT_TRUE(mobile.network->wait_connected(kLong));
   mobile.channel->hold(true);
   mobile.channel->send(1, {1});
-  edge.channel->send(2, {2});  // the other direction goes on
+  edge.channel->send(2, {2});  // the other direction is not held
   ASSERT_TRUE(await_message(mobile));
   EXPECT_FALSE(edge.channel->try_receive());
   EXPECT_GT(mobile.channel->path().unacknowledged_bytes, 0u);
@@ -117,7 +117,7 @@ TEST(TcpNetwork, ReconnectsToARestartedPeerAndGoesOn) {
   ASSERT_TRUE(message);
   EXPECT_EQ(message->type, 3);
   EXPECT_TRUE(eventually([&] { return mobile.recorder.saw_link("reconnected"); }));
-  edge->channel->send(4, {});  // its sequence starts again at 1 and is not taken for a repetition
+  edge->channel->send(4, {});  // its sequence starts at 1 again but is not taken for a duplicate
   ASSERT_TRUE(await_message(mobile));
 }
 
@@ -225,14 +225,14 @@ TEST(TcpNetwork, APeerThatMeansToCloseIsNotLost) {
   Node edge(true, 0);
   auto mobile = std::make_unique<Node>(false, edge.port());
   ASSERT_TRUE(edge.network->wait_connected(kLong));
-  // A peer that is not connected yet announces no close.
+  // A peer that is not connected yet does not announce its close.
   ASSERT_TRUE(mobile->network->wait_connected(kLong));
   mobile->network->close(kLong);
   EXPECT_TRUE(eventually([&] { return !edge.channel->path().connected; }));
   EXPECT_FALSE(edge.recorder.saw_link("lost"));
-  Node again(false, edge.port());  // this one dies without a word
+  Node again(false, edge.port());  // dies without announcing its close
   ASSERT_TRUE(again.network->wait_connected(kLong));
-  // Until the edge has taken the connection, there is none that it could lose.
+  // The edge can lose the connection only after it has accepted it.
   ASSERT_TRUE(eventually([&] { return edge.channel->path().connected; }));
   again.network->close(Duration::zero());
   EXPECT_TRUE(eventually([&] { return edge.recorder.saw_link("lost"); }));

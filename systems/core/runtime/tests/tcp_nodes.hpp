@@ -17,7 +17,7 @@
 namespace slambed::testing {
 
 using namespace std::chrono_literals;
-inline constexpr auto kLong = 10s;  ///< never reached when things work
+inline constexpr auto kLong = 10s;  ///< a limit that a passing test does not reach
 
 inline Greeting same_key(const std::string& key) {
   return {.own = [key](const std::string&) { return Bytes(key.begin(), key.end()); },
@@ -28,8 +28,7 @@ inline Greeting same_key(const std::string& key) {
           }};
 }
 
-/// One node's runtime and network. Mostly with the one channel "k"; where there are more, the
-/// first is "channel".
+/// One node's runtime and network, mostly with the single channel "k". `channel` is the first one.
 struct Node {
   using Ports = std::map<std::string, std::uint16_t>;
   Recorder recorder;

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// A peer that dies, freezes or comes back: what the network tells its node about it.
+// What the network reports about a peer that dies, freezes or comes back.
 #include "runtime/tests/tcp_nodes.hpp"
 
 namespace slambed {
@@ -11,7 +11,7 @@ using namespace std::chrono_literals;
 const std::vector<ChannelOptions> kChannels = {{.name = "a"}, {.name = "b"}};
 const std::vector<ChannelOptions> kWatched = {{.name = "a", .heartbeat = true}, {.name = "b"}};
 
-/// A peer of which only the kernel is alive: it has greeted and says no more by itself.
+/// A peer whose program is frozen: it has sent its greeting, and only its kernel still answers.
 class FrozenPeer {
  public:
   FrozenPeer(const Node& edge, const std::string& channel, std::uint64_t session)
@@ -23,7 +23,7 @@ class FrozenPeer {
   ~FrozenPeer() { ::close(fd_); }
   FrozenPeer(const FrozenPeer&) = delete;
   FrozenPeer& operator=(const FrozenPeer&) = delete;
-  /// Number of the next message that comes.
+  /// Returns the sequence of the next message.
   std::uint64_t receive() {
     for (;;) {
       std::array<std::uint8_t, FrameHeader::kSize> bytes{};
@@ -43,7 +43,7 @@ class FrozenPeer {
 
  private:
   bool read_all(std::span<std::uint8_t> into) const {
-    if (into.empty()) return true;  // recv waits for a byte also when none is wanted
+    if (into.empty()) return true;  // recv blocks even for zero bytes
     const auto n = ::recv(fd_, into.data(), into.size(), MSG_WAITALL);
     return n == static_cast<ssize_t>(into.size());
   }
@@ -72,7 +72,7 @@ TEST(TcpPeer, SignsOfLifeKeepIdleNodesConnected) {
   Node edge(true, {{"a", 0}, {"b", 0}}, kWatched);
   Node mobile(false, ports_of(edge), kWatched);
   ASSERT_TRUE(mobile.network->wait_connected(kLong));
-  std::this_thread::sleep_for(1500ms);  // several times the silence that makes a peer away
+  std::this_thread::sleep_for(1500ms);  // more than twice the silence limit
   EXPECT_TRUE(connected(mobile) && connected(edge));
   EXPECT_FALSE(mobile.recorder.saw_link("silent") || edge.recorder.saw_link("silent"));
   EXPECT_TRUE(mobile.recorder.messages().empty() && edge.recorder.messages().empty());
@@ -85,7 +85,7 @@ TEST(TcpPeer, AFrozenOneIsAwayUntilItShowsLife) {
   ASSERT_TRUE(eventually([&] { return !connected(edge); }));
   EXPECT_TRUE(edge.recorder.saw_link("silent"));
   EXPECT_FALSE(edge.recorder.saw_link("lost"));
-  EXPECT_TRUE(edge.channel->path().connected);  // the connection as such still stands
+  EXPECT_TRUE(edge.channel->path().connected);  // the TCP connection still stands
   a.send_heartbeat();
   EXPECT_TRUE(eventually([&] { return connected(edge); }));
   EXPECT_TRUE(edge.recorder.saw_link("alive"));
@@ -96,7 +96,7 @@ TEST(TcpPeer, BytesThatNobodyAcknowledgesAreAStallUntilSomebodyDoes) {
   Node edge(true, {{"a", 0}, {"b", 0}}, kChannels);
   FrozenPeer a(edge, "a", 77), b(edge, "b", 77);
   ASSERT_TRUE(eventually([&] { return connected(edge); }));
-  edge.channel->send(1, Bytes(32'000'000));  // more than both kernels take for who reads nothing
+  edge.channel->send(1, Bytes(32'000'000));  // more than both kernels can buffer
   ASSERT_TRUE(eventually([&] { return edge.recorder.saw_link("stalled"); }));
   EXPECT_FALSE(edge.recorder.saw_link("flowing"));
   a.receive();
@@ -146,19 +146,19 @@ TEST(TcpPeer, WhatAReplacedConnectionDidNotTakeWholeIsTheFirstOnTheNext) {
   ASSERT_TRUE(eventually([&] { return connected(edge); }));
   constexpr std::size_t kMoreThanTheKernelTakes = 48u << 20;
   const auto first = edge.channel->send(1, Bytes(kMoreThanTheKernelTakes));
-  ASSERT_TRUE(eventually([&] {  // begun
+  ASSERT_TRUE(eventually([&] {  // the transfer has started
     const auto waiting = edge.channel->path().unacknowledged_bytes;
     return waiting > 0 && waiting < kMoreThanTheKernelTakes;
   }));
   const auto second = edge.channel->send(1, {});
-  FrozenPeer next(edge, "k", 77);  // before anybody saw the old one go
+  FrozenPeer next(edge, "k", 77);  // before the edge notices the loss of the old one
   EXPECT_EQ(next.receive(), first);
   EXPECT_EQ(next.receive(), second);
 }
 
 TEST(TcpPeer, WhatIsLeftOfADeadProcessIsCutOff) {
   Node edge(true, {{"a", 0}, {"b", 0}}, kChannels);
-  FrozenPeer a(edge, "a", 77), b(edge, "b", 77);  // these stay open: nobody saw the old one die
+  FrozenPeer a(edge, "a", 77), b(edge, "b", 77);  // stay open, as the death was not noticed
   ASSERT_TRUE(eventually([&] { return connected(edge); }));
   FrozenPeer new_a(edge, "a", 88);
   ASSERT_TRUE(eventually([&] { return edge.recorder.saw_link("the peer was restarted"); }));

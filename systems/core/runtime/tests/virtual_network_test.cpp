@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The modeled link: delays, serialization, slow start, smoothed RTT, queues, a peer that is away.
+// The modeled link: delays, serialization, slow start, smoothed RTT, queues, a silent peer.
 #include "runtime/virtual/virtual_network.hpp"
 
 #include <gtest/gtest.h>
@@ -33,21 +33,21 @@ TEST(VirtualNetwork, TheWindowStaysOpenWhileBusyAndClosesWhenIdle) {
   Nodes nodes(constant(10), constant(10));
   const std::size_t bytes = 70 * TcpFlow::kSegmentBytes - 44;
   const auto received = deliver(nodes, bytes, {0ms, 100ms, 5s});
-  EXPECT_EQ(received[1], 110ms);      // within the time-out: one flight
+  EXPECT_EQ(received[1], 110ms);      // idle for less than an RTO: one flight
   EXPECT_EQ(received[2], 5s + 50ms);  // idle: slow start again
 }
 
 TEST(VirtualNetwork, AShortIdleTimeHalvesTheWindow) {
   Nodes nodes(constant(10), constant(10));
   const std::size_t bytes = 70 * TcpFlow::kSegmentBytes - 44;
-  // The first message opens the window to 80 segments. It lasts longer than one time-out and
-  // shorter than two until the second: 40 leave at once, the other 30 a round trip later.
+  // The first message opens the window to 80 segments. The idle time before the second is between
+  // one and two RTOs: 40 segments leave at once, the other 30 a round trip later.
   EXPECT_EQ(deliver(nodes, bytes, {0ms, 400ms})[1], 400ms + 10ms + 20ms);
 }
 
 TEST(VirtualNetwork, TheRateSerializesAllChannelsTogether) {
   Nodes nodes(constant(0, 8), constant(0));
-  // 8 Mbit/s are 1 byte per microsecond: one message of 1,000 bytes and 96 of headers.
+  // 8 Mbit/s are 1 byte per microsecond. A message is 1,000 bytes plus 52 bytes of packet header.
   const auto received = deliver(nodes, 1000 - 44, {0ms, 0ms});
   EXPECT_EQ(received[0], 1052us);
   EXPECT_EQ(received[1], 2104us);
@@ -59,7 +59,7 @@ TEST(VirtualNetwork, FallingDelayNeverReorders) {
   for (int i = 0; i < 100; ++i) up.delays_ns.push_back((100 - i) * kMs);  // 1 ms less per 10 ms
   Nodes nodes(up, constant(0));
   std::vector<RunTime> times;
-  // Never more segments on their way than the first window of ten lets out.
+  // Never more segments in flight than the initial window of ten.
   for (int i = 0; i < 95; ++i) times.push_back(i * 11ms);
   const auto received = deliver(nodes, 100, times);
   ASSERT_EQ(received.size(), times.size());
@@ -87,7 +87,7 @@ TEST(VirtualNetwork, APacketDoesNotOvertakeWhereTheDelayCollapses) {
   ASSERT_EQ(arrived.size(), 20u);
   for (int i = 0; i < 20; ++i) {
     EXPECT_EQ(arrived[static_cast<std::size_t>(i)].first, i);
-    // The sixth, sent at 10 ms, comes at 110 ms; later ones would be there already.
+    // The sixth, sent at 10 ms, arrives at 110 ms; later ones could have arrived before it.
     EXPECT_EQ(arrived[static_cast<std::size_t>(i)].second, std::min(i * 2ms + 100ms, 110ms));
   }
 }
@@ -125,8 +125,8 @@ TEST(VirtualNetwork, SmoothedRttLagsBehindAStepWithGainOneEighth) {
 
 TEST(VirtualNetwork, AFullSendQueueDropsTheOldest) {
   Nodes nodes(constant(10, 1), constant(10), {.name = "keyframe", .send_queue = 2});
-  // At 1 Mbit/s one message of 200 kB takes 1.6 s: of ten at once, what the transport already holds
-  // and the two newest survive.
+  // At 1 Mbit/s a message of 200 kB takes 1.6 s. Of ten sent at once, those that the transport
+  // already holds and the two newest survive.
   std::vector<std::uint64_t> sequences;
   nodes.mobile.spawn("sender", [&](Worker&) {
     for (int i = 0; i < 10; ++i) nodes.near.send(1, Bytes(200'000));
@@ -182,7 +182,7 @@ TEST(VirtualNetwork, ThePeerIsAwayInALongGapForTheSideThatListens) {
   });
   nodes.simulator.run();
   EXPECT_EQ(changes, (std::vector<std::pair<RunTime, bool>>{{6s, false}, {10s, true}}));
-  EXPECT_EQ(nodes.observer.links, 2 + 2);  // both ends connected; silent, alive
+  EXPECT_EQ(nodes.observer.links, 2 + 2);  // connected at both ends; silent, alive
 }
 
 TEST(VirtualNetwork, AFrozenEdgesKernelAcknowledgesWhatItsProgramReadsLater) {

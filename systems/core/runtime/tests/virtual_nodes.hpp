@@ -38,7 +38,7 @@ inline DirectionOptions constant(std::int64_t delay_ms, double rate_mbit = 0, do
   return options;
 }
 
-/// Two nodes without compute cost, joined by one channel.
+/// Two nodes without compute cost, connected by one channel.
 struct Nodes {
   Nodes(const DirectionOptions& up, const DirectionOptions& down,
         ChannelOptions options = {.name = "map"})
@@ -56,7 +56,7 @@ struct Nodes {
   Channel& far;
 };
 
-/// Sends messages of the given size at the given times; returns when each was received.
+/// Sends messages of the given size at the given times. Returns when each was received.
 inline std::vector<Duration> deliver(Nodes& nodes, std::size_t bytes,
                                      const std::vector<RunTime>& times) {
   std::vector<Duration> received;

@@ -64,7 +64,7 @@ TEST(VirtualRuntime, AnAcceleratorWorksBesideTheCores) {
     runtime.spawn(name, [](Worker& w) { w.stage("infer", [](StageUnits&) {}); });
   }
   simulator.run();
-  // The core takes 1 ms / 0.5 undisturbed; two pieces of 4 ms / 2 share the one lane.
+  // The core's stage takes 1 ms / 0.5. Two stages of 4 ms / 2 share the accelerator's only lane.
   EXPECT_EQ(observer.log,
             (std::vector<std::string>{"core:work 0+2000", "one:infer 0+4000", "two:infer 0+4000"}));
   EXPECT_EQ(runtime.cpu_time(), 2ms);
@@ -101,7 +101,7 @@ TEST(VirtualRuntime, AFrozenNodeGoesOnWhereItWas) {
   simulator.at(10ms, [&] { runtime.freeze(false); });
   simulator.run();
   runtime.join();
-  // The second stage ran from 1 ms on, stood still from 1.5 to 10 ms and then had half a ms left.
+  // The second stage started at 1 ms, was frozen from 1.5 to 10 ms and then had 0.5 ms left.
   EXPECT_EQ(observer.log, (std::vector<std::string>{"busy:work 0+1000", "busy:work 1000+9500",
                                                     "busy:work 10500+1000"}));
   EXPECT_EQ(slept, 10ms);
@@ -145,12 +145,12 @@ TEST(VirtualRuntime, ABackgroundLoadTakesItsPartOfTheCores) {
     runtime.join();
     return std::pair(observer.log.at(0), runtime.cpu_time());
   };
-  // As long as there are cores for all, nobody is slower; the load's time counts as the device's.
+  // With enough cores no stage is slower. The background load counts in the device's CPU time.
   EXPECT_EQ(walls(4, 0.5, 3), std::pair(std::string("w:work 0+1000"), Duration(3500us)));
-  // One of two threads on a core: half of it each. A load of 0.25 gets all that it wants.
+  // Two threads on one core get half of it each. A load of 0.25 gets all that it wants.
   EXPECT_EQ(walls(1, 1, 1), std::pair(std::string("w:work 0+2000"), Duration(2ms)));
   EXPECT_EQ(walls(1, 0.25, 1).first, "w:work 0+1333");
-  // Three threads that want a core each and two that want 0.9: four cores are 0.8 for each.
+  // Three stages want a core each and two load threads 0.9 each: of four cores each gets 0.8.
   EXPECT_EQ(walls(4, 1.8, 3).first, "w:work 0+1250");
   EXPECT_EQ(walls(4, 0, 3), std::pair(std::string("w:work 0+1000"), Duration(3ms)));
 }
@@ -182,7 +182,7 @@ TEST(VirtualRuntime, AMailboxHandsItemsOnAtTheInstantTheyArePut) {
     EXPECT_EQ(w.now(), 4ms + 10ms);
   });
   simulator.run();
-  // 1 ms per item, one every 0.4 ms, newest wins: 0 at once, 2 at 1 ms, 4 at 2 ms, 5 at 3 ms.
+  // An item takes 1 ms, one comes every 0.4 ms, the newest wins: 0 at once, then 2, 4 and 5.
   const std::vector<std::pair<int, RunTime>> expected{{0, 0ms}, {2, 1ms}, {4, 2ms}, {5, 3ms}};
   EXPECT_EQ(taken, expected);
   EXPECT_EQ(dropped, (std::vector<int>{1, 3}));

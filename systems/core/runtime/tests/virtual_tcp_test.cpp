@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// What the modeled TCP does about loss and cuts.
+// How the modeled TCP handles packet loss and outages.
 #include <gtest/gtest.h>
 
 #include <vector>
@@ -21,7 +21,7 @@ TEST(VirtualNetwork, LossIsRepairedAndEverythingArrivesInOrder) {
   const auto received = deliver(nodes, 30'000, times);
   ASSERT_EQ(received.size(), times.size());
   EXPECT_GT(nodes.link.up().dropped(), 20u);
-  // What was lost comes a time-out or a round trip later, and nothing comes before it was sent.
+  // A loss delays messages by an RTO or a round trip. No message arrives earlier than without loss.
   Nodes clean(constant(10), constant(10));
   const auto without_loss = deliver(clean, 30'000, times);
   int late = 0;
@@ -32,7 +32,7 @@ TEST(VirtualNetwork, LossIsRepairedAndEverythingArrivesInOrder) {
   EXPECT_GT(late, 10);
 }
 
-/// Nothing passes from 100 ms to the given time.
+/// A link that drops everything from 100 ms to the given time.
 DirectionOptions cut(std::int64_t until_ms) {
   DirectionOptions options = constant(10);
   options.gaps = {{.start_ns = 100 * kMs, .end_ns = until_ms * kMs}};
@@ -42,8 +42,8 @@ DirectionOptions cut(std::int64_t until_ms) {
 
 TEST(VirtualNetwork, AfterATimeOutTheWindowOpensInSlowStart) {
   Nodes nodes(cut(450), constant(10));
-  // The window is 80 segments, and all of the second message is lost. Time-outs at 320 and 760 ms:
-  // then 1, 2, 4 ... segments a round trip, up to the limit of 56, not one.
+  // The window is 80 segments, and all of the second message is lost. After timeouts at 320 and 760
+  // ms, 1, 2, 4 ... segments leave per round trip, up to the limit of 56.
   const std::size_t bytes = 70 * TcpFlow::kSegmentBytes - 44;
   const auto received = deliver(nodes, bytes, {0ms, 95ms});
   EXPECT_GT(received[1], 700ms);
@@ -51,7 +51,7 @@ TEST(VirtualNetwork, AfterATimeOutTheWindowOpensInSlowStart) {
 }
 
 TEST(VirtualNetwork, OneLossOfAFlightCostsARoundTripAndNotATimeOut) {
-  // A queue of ten packets loses some of the first flight's end.
+  // A queue of eight full packets drops some packets at the end of the first flight.
   DirectionOptions narrow = constant(10, 10);
   narrow.rate->queue_bytes = 12'000;
   Nodes nodes(narrow, constant(10));
@@ -60,13 +60,13 @@ TEST(VirtualNetwork, OneLossOfAFlightCostsARoundTripAndNotATimeOut) {
 }
 
 TEST(VirtualNetwork, ALostTailIsProbedBeforeTheTimeOut) {
-  // The last segments of the message are lost: a probe after two round trips tells of it.
+  // The last message is lost. A tail-loss probe after two round trips recovers it.
   DirectionOptions up = constant(10);
   up.gaps = {{.start_ns = 112 * kMs, .end_ns = 116 * kMs}};
   up.gap_drops = true;
   Nodes nodes(up, constant(10));
   const auto received = deliver(nodes, 100, {0ms, 50ms, 103ms});
-  EXPECT_GT(received[2], 103ms + 200ms);  // a lone segment waits longer, as in Linux
+  EXPECT_GT(received[2], 103ms + 200ms);  // a single segment waits longer, as in Linux
   EXPECT_LT(received[2], 103ms + 260ms);
 }
 

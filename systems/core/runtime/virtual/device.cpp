@@ -7,7 +7,7 @@
 namespace slambed {
 namespace {
 
-/// Remainders below a tenth of a nanosecond come from rounding: the job is done.
+/// A remainder below 0.1 ns comes from rounding, so the job is done.
 constexpr double kDone_ns = 0.1;
 
 }  // namespace
@@ -79,7 +79,7 @@ void Device::execute(Task& task, Duration work) {
   try {
     task.suspend();
   } catch (const SimulationOver&) {
-    // Stages end in destructors: the task's next wait unwinds it.
+    // Must not leave end_stage, which runs in a destructor. The task's next wait unwinds it.
   }
 }
 

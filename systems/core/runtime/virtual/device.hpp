@@ -9,19 +9,19 @@
 
 namespace slambed {
 
-/// The processor of a node: its cores are shared equally among the stages that run, as a fair
-/// scheduler does; one stage never gets more than one core. A background load of some cores is
-/// there all the time, as so many threads (rounded up) that each want an equal part of it.
+/// The processor of a node. Its cores are shared equally among the running stages, as by a fair
+/// scheduler, and a stage gets at most one core. A constant background load of `background` cores
+/// competes as ceil(background) threads that share it equally.
 class Device {
  public:
   Device(Simulator& simulator, int cores, double background = 0)
       : simulator_(simulator), cores_(cores), background_(background) {}
 
-  /// Keeps the task busy for the given amount of undisturbed compute time.
+  /// Suspends the task until it has had the given compute time on a core.
   void execute(Task& task, Duration work);
-  /// Frozen, no stage gets on; each goes on where it was once thawed.
+  /// While frozen, no stage progresses.
   void freeze(bool frozen);
-  /// Compute time spent so far, over all cores, that of the background load included.
+  /// Compute time spent so far on all cores, including the background load.
   Duration cpu_time() const;
 
  private:
@@ -30,7 +30,7 @@ class Device {
     double remaining_ns;
   };
   double rate() const;
-  /// What the background load gets, in cores.
+  /// Cores that the background load gets.
   double background_rate() const;
   void advance();
   void plan();
@@ -42,7 +42,7 @@ class Device {
   std::list<Job> jobs_;
   RunTime updated_{};
   double spent_ns_ = 0;
-  std::uint64_t plan_ = 0;  ///< completions planned before the jobs changed are void
+  std::uint64_t plan_ = 0;  ///< number of the latest plan; events of older ones do nothing
 };
 
 }  // namespace slambed

@@ -8,7 +8,7 @@ namespace slambed {
 PathModel::PathModel(Simulator& simulator, const link::DirectionOptions& options,
                      std::uint64_t seed, std::uint64_t direction)
     : simulator_(simulator), model_(options, seed, direction) {
-  model_.start(0);  // run time is the model's clock
+  model_.start(0);  // the model's clock is the run time
 }
 
 Duration PathModel::delay_now() const {

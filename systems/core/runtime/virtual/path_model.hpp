@@ -10,18 +10,18 @@
 
 namespace slambed {
 
-/// One direction of the emulated link in virtual time. What happens to a packet is decided by the
-/// very model that the relay applies to real ones: packet loss, then bandwidth with its queue,
-/// delay and jitter, gaps (DirectionModel::admit). Packets keep their order.
+/// One direction of the emulated link in virtual time. It uses the model that the relay applies to
+/// real packets (DirectionModel::admit): packet loss, then bandwidth with its queue, delay and
+/// jitter, gaps. Packets are not reordered.
 class PathModel {
  public:
-  /// direction: 0 up, 1 down, as the relay numbers its streams of random numbers.
+  /// direction: 0 up, 1 down, as the relay numbers its random streams.
   PathModel(Simulator& simulator, const link::DirectionOptions& options, std::uint64_t seed,
             std::uint64_t direction);
 
-  /// Calls on_arrival when the packet comes out at the other end; never when it is lost.
+  /// Calls on_arrival when the packet arrives, or never if it is dropped.
   void transmit(std::uint32_t bytes, std::function<void()> on_arrival);
-  /// The profile's delay now, as a lone packet would see it.
+  /// The profile's delay now, without queueing and jitter.
   Duration delay_now() const;
   std::uint64_t dropped() const { return dropped_; }
 

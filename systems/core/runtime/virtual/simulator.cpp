@@ -17,7 +17,7 @@ constexpr auto kLater = [](const auto& a, const auto& b) {
 
 void Task::suspend() {
   if (!simulator_.over_) simulator_.dispatch(*this, true);
-  // No std::exception: nothing that a system catches may take it.
+  // Not a std::exception, so that no handler of a system catches it.
   if (simulator_.over_) throw SimulationOver();  // NOLINT(bugprone-std-exception-baseclass)
 }
 
@@ -65,7 +65,7 @@ Task* Simulator::next_task() {
     try {
       event.action();
     } catch (...) {
-      // On whichever task's thread this happens to be: it is the run's, not that task's.
+      // The exception belongs to the run, not to the task on whose thread the action ran.
       error_ = std::current_exception();
     }
     if (ready_) return std::exchange(ready_, nullptr);
@@ -101,7 +101,7 @@ void Simulator::unwind() {
 void Simulator::run() {
   dispatch(main_, true);
   const std::string stuck = waiting();
-  // Workers that end may wake others that wait in turn: twice is enough for those to end too.
+  // Workers that end may wake others that then wait again. The second round ends those too.
   for (int round = 0; round < 2 && !error_ && !waiting().empty(); ++round) {
     for (auto& hook : stuck_hooks_) hook();
     dispatch(main_, true);

@@ -16,18 +16,18 @@ namespace slambed {
 
 class Simulator;
 
-/// Thrown into a task whose simulation is over: it is to unwind, nothing will ever wake it.
+/// Thrown in a task when the simulation is over, to unwind it: nothing would wake it any more.
 struct SimulationOver {};
 
-/// A cooperative thread of the simulation: exactly one task (or the simulator itself) runs at a
-/// time, so that code written for threads runs repeatably without being rewritten as coroutines.
+/// A cooperative thread of the simulation. Exactly one task (or the simulator itself) runs at a
+/// time, so code written for threads is deterministic without being rewritten as coroutines.
 class Task {
  public:
   Task(Simulator& simulator, std::string name) : simulator_(simulator), name_(std::move(name)) {}
   const std::string& name() const { return name_; }
 
-  /// Gives way until somebody calls Simulator::resume for this task. On the task's own thread only.
-  /// Throws SimulationOver when that will not happen any more.
+  /// Suspends the task until Simulator::resume is called for it. Only for the task's own thread.
+  /// Throws SimulationOver if the simulation ends first.
   void suspend();
 
  private:
@@ -39,12 +39,12 @@ class Task {
   bool finished_ = false;
 };
 
-/// Discrete-event scheduler. Events of equal time run in the order in which they were asked for,
-/// so a run depends on nothing but its inputs.
+/// Discrete-event scheduler. Events of equal time run in the order in which they were scheduled, so
+/// a run depends only on its inputs.
 class Simulator {
  public:
   Simulator();
-  /// Tasks that never started are dropped without a call.
+  /// Unwinds remaining tasks; those that never started do not run.
   ~Simulator();
   Simulator(const Simulator&) = delete;
   Simulator& operator=(const Simulator&) = delete;
@@ -52,21 +52,21 @@ class Simulator {
   RunTime now() const { return now_; }
   /// Runs the action at the given time, not before now. Actions must not suspend.
   void at(RunTime when, std::function<void()> action) { schedule(when, std::move(action), false); }
-  /// The same for an observer: such events alone do not keep a run going.
+  /// The same for an observing action: such events alone do not keep a run going.
   void at_background(RunTime when, std::function<void()> action) {
     schedule(when, std::move(action), true);
   }
   /// Creates a task that starts at the current time.
   Task& spawn(std::string name, std::function<void()> body);
-  /// Lets a suspended task go on at the current time.
+  /// Wakes a suspended task at the current time.
   void resume(Task& task);
-  /// Called when no event is left but tasks still wait; must make them end (it may be called
-  /// twice).
+  /// Adds a hook that is called when no event is left but tasks still wait. It must make them end,
+  /// and may be called twice.
   void on_stuck(std::function<void()> hook) { stuck_hooks_.push_back(std::move(hook)); }
 
-  /// Runs until every task has ended. Throws Error(kInternal) naming the waiting tasks when the
-  /// simulation was stuck, and what an action or a task threw. However it ends, no task is left:
-  /// those that would not end are unwound while all that they refer to is still there.
+  /// Runs until every task has ended. Throws Error(kInternal) naming the waiting tasks if the
+  /// simulation was stuck, and rethrows what an action or a task threw. Before it returns or
+  /// throws, it unwinds all remaining tasks, while the objects that they refer to still exist.
   void run();
 
  private:
@@ -78,8 +78,8 @@ class Simulator {
     bool background;
   };
   void schedule(RunTime when, std::function<void()> action, bool background);
-  /// Advances the simulation on the calling thread until another task's turn comes and passes the
-  /// turn on; returns when the turn is self's again (or, with wait false, at once).
+  /// Advances the simulation on the calling thread until another task's turn comes, and passes the
+  /// turn to it. Returns when it is self's turn again, or at once if `wait` is false.
   void dispatch(Task& self, bool wait);
   Task* next_task();
   std::string waiting() const;
@@ -94,8 +94,8 @@ class Simulator {
   Task main_;
   std::vector<std::unique_ptr<Task>> tasks_;
   std::vector<std::function<void()>> stuck_hooks_;
-  std::exception_ptr error_;  ///< first that left an action or a task
-  bool over_ = false;         ///< tasks that are woken now unwind
+  std::exception_ptr error_;  ///< first exception that left an action or a task
+  bool over_ = false;         ///< while true, tasks that are woken unwind
 };
 
 }  // namespace slambed

@@ -20,7 +20,7 @@ constexpr Duration kAckSpacing = 2ms, kLeastDelayRise = 4ms, kMostDelayRise = 16
 
 double TcpCubic::reduced() {
   in_epoch_ = false;
-  // Fast convergence: a window that did not reach the last plateau gives way to others.
+  // Fast convergence: a window that did not reach the last plateau leaves bandwidth to other flows.
   last_most_ = window < last_most_ ? window * (1 + kBeta) / 2 : window;
   return std::max(window * kBeta, 2.0);
 }
@@ -47,7 +47,7 @@ double TcpCubic::wanted_acks(RunTime now, Duration rtt) {
   const double target = origin_ + kScale * t * t * t;
   double acks = target > window ? window / (target - window) : 100 * window;
   if (last_most_ == 0) acks = std::min(acks, 20.0);
-  // Not slower than Reno with this beta.
+  // Grow at least as fast as Reno with this beta.
   estimate_ += 3 * (1 - kBeta) / (1 + kBeta) / window;
   if (estimate_ > window) acks = std::min(acks, window / (estimate_ - window));
   return std::max(acks, 2.0);

@@ -11,10 +11,10 @@ namespace {
 using namespace std::chrono_literals;
 
 constexpr int kDuplicatesForLoss = 3;
-// Linux bounds the part for the variation, RFC 6298 the whole (1 s).
+// Linux bounds the variation term of the RTO from below, RFC 6298 the whole RTO (1 s).
 constexpr Duration kLeastVariation = 200ms;
 constexpr Duration kMaxTimeout = 120s;
-constexpr Duration kProbeMargin = 2ms;  ///< Linux's two ticks
+constexpr Duration kProbeMargin = 2ms;  ///< two jiffies in Linux
 
 }  // namespace
 
@@ -72,7 +72,7 @@ void TcpFlow::retransmit(TcpSegment& segment) {
 void TcpFlow::pump() {
   const std::uint64_t before = next_;
   bool limited = false;
-  // While a time-out is on trial (F-RTO) new data go first: their answer tells.
+  // During F-RTO, new data are sent first: their ACKs show whether the timeout was spurious.
   while (TcpSegment* lost = testing_ ? nullptr : board_.next_lost()) {
     if (board_.in_flight() + 1 > cubic_.window) {
       limited = true;
@@ -91,7 +91,8 @@ void TcpFlow::pump() {
   if (next_ != before || armed_ == Timer::kNone) rearm();
 }
 
-/// A congestion window that is not used says nothing about the path (RFC 2861, as Linux does it).
+/// Shrinks a congestion window that is not used up: the path has not confirmed it (RFC 2861, as in
+/// Linux).
 void TcpFlow::validate_window(bool limited) {
   const int out = board_.outstanding();
   if (acknowledged_ >= usage_end_ || limited || (!limited_ && out > most_out_)) {
@@ -169,7 +170,7 @@ void TcpFlow::after_loss_timeout(const TcpAck& ack, const TcpAckResult& result) 
   }
   if (!testing_) return;
   if (next_ > recovery_end_) {
-    // New data were answered, and the old ones are still missing: they are lost.
+    // New data were acknowledged and old segments are still missing, so these are lost.
     if (!advanced) testing_ = false;
   } else if (advanced) {
     recovery_end_ = next_;
@@ -190,7 +191,7 @@ void TcpFlow::undo() {
 void TcpFlow::find_losses(const TcpAckResult& result) {
   if (board_.sacked() == 0 && state_ == State::kOpen) return;
   if (result.delivered == 0 && armed_ != Timer::kNone) return;
-  // The link never changes the order of packets, so three beyond a hole are enough.
+  // The link never reorders packets, so three SACKed segments beyond a gap are enough.
   const bool sure = state_ != State::kOpen || board_.sacked() >= kDuplicatesForLoss;
   const auto look_again =
       board_.find_losses(simulator_.now(), sure ? Duration(0) : std::min(least_rtt_ / 4, srtt_));
@@ -229,7 +230,7 @@ void TcpFlow::finish_tail_probe(const TcpAck& ack) {
   if (!probe_was_old_ || ack.duplicate) {
     probe_end_.reset();
   } else if (ack.upto > *probe_end_) {
-    // The probe had repaired a loss: that counts as one.
+    // The probe repaired a loss, which must reduce the window like any other.
     probe_end_.reset();
     if (state_ != State::kOpen) return;
     cubic_.slow_start_limit = cubic_.reduced();

@@ -13,24 +13,23 @@
 
 namespace slambed {
 
-/// One direction of a TCP connection, segment by segment, as Linux does it: ACK clocking, CUBIC
-/// with HyStart, the congestion window (cwnd) that idle time and unused room close (RFC 2861),
-/// selective acknowledgments, loss found by RACK and tail-loss probes (RFC 8985), recovery by
-/// proportional rate reduction (RFC 6937), slow start after a time-out (with F-RTO, RFC 5682, and
-/// its undoing when it was wrong), and the smoothed RTT of RFC 6298. Every segment is acknowledged
-/// at once, as the nodes ask for.
+/// One direction of a TCP connection, segment by segment, as in Linux. It models ACK clocking and
+/// CUBIC with HyStart, and validates the congestion window (cwnd) after idle time and partial use
+/// (RFC 2861). Losses are found with SACK, RACK and tail-loss probes (RFC 8985); recovery is
+/// proportional rate reduction (RFC 6937). A timeout leads to slow start and is undone if F-RTO
+/// (RFC 5682) finds it spurious. The smoothed RTT is that of RFC 6298. Every segment is
+/// acknowledged at once, because the nodes set TCP_QUICKACK.
 class TcpFlow {
  public:
-  static constexpr std::uint32_t kSegmentBytes = 1448;  ///< 1500-byte packets with time stamps
-  static constexpr std::uint32_t kHeaderBytes = 52;     ///< IPv4 and TCP with time stamps
+  static constexpr std::uint32_t kSegmentBytes = 1448;  ///< 1500-byte packets with timestamps
+  static constexpr std::uint32_t kHeaderBytes = 52;     ///< IPv4 and TCP with timestamps
 
   /// on_delivered(n): the receiver has the first n bytes of the stream, in order.
   TcpFlow(Simulator& simulator, PathModel& data_path, PathModel& ack_path,
           std::function<void(std::uint64_t)> on_delivered, std::function<void()> on_acknowledged);
 
-  /// Appends bytes to the stream.
   void write(std::uint64_t bytes);
-  /// The first sample comes from the handshake.
+  /// Takes the first RTT sample, that of the handshake.
   void start(Duration handshake_rtt) { sample_rtt(handshake_rtt); }
 
   Duration smoothed_rtt() const { return srtt_; }
@@ -58,14 +57,14 @@ class TcpFlow {
   void reduce_window(const TcpAckResult& result, bool newly_lost);
   void finish_tail_probe(const TcpAck& ack);
   void undo();
-  // Time.
+  // Timers and RTT.
   void arm(Timer kind, RunTime when);
   void rearm();
   void expire(Timer kind);
   void on_retransmission_timeout();
   void probe_tail();
   void sample_rtt(Duration rtt);
-  /// RTO: smoothed RTT + max(200 ms, 4 variations), doubled per time-out, at most 120 s.
+  /// RTO: smoothed RTT + max(200 ms, 4 variations), doubled per timeout, at most 120 s.
   Duration retransmission_timeout() const;
 
   Simulator& simulator_;
@@ -80,18 +79,18 @@ class TcpFlow {
   TcpReceiver receiver_;  ///< the peer's
 
   State state_ = State::kOpen;
-  std::uint64_t recovery_end_ = 0;               ///< what was sent when the loss was found
-  double window_before_ = 0, limit_before_ = 0;  ///< for undoing, and for the rate of recovery
+  std::uint64_t recovery_end_ = 0;               ///< end of the data sent when the loss was found
+  double window_before_ = 0, limit_before_ = 0;  ///< for undo(), and for the recovery rate
   int recovered_ = 0, sent_in_recovery_ = 0;
-  RunTime resent_{};                        ///< first retransmission of this time-out
-  bool testing_ = false;                    ///< F-RTO: was the time-out wrong?
-  std::optional<std::uint64_t> probe_end_;  ///< a tail-loss probe is out
+  RunTime resent_{};                        ///< first retransmission after this timeout
+  bool testing_ = false;                    ///< F-RTO checks whether the timeout was spurious
+  std::optional<std::uint64_t> probe_end_;  ///< set while a tail-loss probe is in flight
   bool probe_was_old_ = false;
 
-  bool limited_ = false;  ///< the window was what ended the last sending
-  int most_out_ = 0;      ///< segments, in this round trip
+  bool limited_ = false;  ///< the window stopped the sender
+  int most_out_ = 0;      ///< most segments in flight in this round trip
   std::uint64_t usage_end_ = 0;
-  int used_ = 0;  ///< most segments out while the window was not full
+  int used_ = 0;  ///< most segments in flight while the window was not full
   RunTime used_since_{};
 
   RunTime last_sent_{};

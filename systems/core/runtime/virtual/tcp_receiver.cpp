@@ -7,8 +7,8 @@
 namespace slambed {
 
 TcpAck TcpReceiver::take(ByteRange segment, RunTime stamp) {
-  // Only a segment at the edge of the window renews the stamp: so the sender can tell whether an
-  // original or its retransmission filled a hole.
+  // Only a segment at the left window edge updates the echoed timestamp (RFC 7323). The sender can
+  // then tell whether an original or its retransmission filled a gap.
   if (segment.from <= received_) echo_ = stamp;
   TcpAck ack{.duplicate = segment.to <= received_};
   if (segment.to > received_) {

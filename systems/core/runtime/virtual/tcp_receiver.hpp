@@ -16,8 +16,8 @@ struct ByteRange {
   std::uint64_t from = 0, to = 0;
 };
 
-/// What a receiver answers to one segment: the next byte it expects, what it has beyond (RFC 2018,
-/// three blocks beside time stamps, the newest first) and the time stamp that it echoes (RFC 7323).
+/// The acknowledgment of one segment: the next expected byte, the SACK blocks (RFC 2018; three fit
+/// next to timestamps, newest first) and the echoed timestamp (RFC 7323).
 struct TcpAck {
   std::uint64_t upto = 0;
   RunTime echo{};
@@ -26,18 +26,19 @@ struct TcpAck {
   int blocks = 0;
 };
 
-/// The receiving end of one direction. Every segment is acknowledged at once, as the nodes ask for.
+/// The receiving end of one direction. Acknowledges every segment at once, like a live node with
+/// TCP_QUICKACK.
 class TcpReceiver {
  public:
   TcpAck take(ByteRange segment, RunTime stamp);
-  /// Bytes that are here without a hole.
+  /// Bytes received without a gap.
   std::uint64_t received() const { return received_; }
 
  private:
   std::uint64_t received_ = 0;
   RunTime echo_{};
-  std::map<std::uint64_t, std::uint64_t> early_;  ///< pieces beyond a hole: from -> to, apart
-  std::vector<std::uint64_t> recent_;             ///< a byte of each piece, last touched first
+  std::map<std::uint64_t, std::uint64_t> early_;  ///< disjoint ranges beyond a gap: from -> to
+  std::vector<std::uint64_t> recent_;             ///< a byte of each range, most recent first
 };
 
 }  // namespace slambed

@@ -13,36 +13,37 @@ namespace slambed {
 /// A segment that was sent and is not acknowledged yet.
 struct TcpSegment {
   ByteRange bytes;
-  RunTime sent{};              ///< the last time
-  bool retransmitted = false;  ///< ever
+  RunTime sent{};              ///< last transmission
+  bool retransmitted = false;  ///< at least once
   bool sacked = false;
-  bool lost = false;   ///< believed lost, and not sent again since
-  bool again = false;  ///< sent again after a loss, under way
+  bool lost = false;   ///< marked lost and not retransmitted since
+  bool again = false;  ///< retransmitted after a loss, in flight
 };
 
 /// What one acknowledgment changed.
 struct TcpAckResult {
-  int acknowledged = 0;         ///< segments, cumulatively
+  int acknowledged = 0;         ///< segments below the cumulative ACK
   int delivered = 0;            ///< segments newly known to have arrived
   bool original = false;        ///< one of them had never been retransmitted
   std::optional<Duration> rtt;  ///< of a segment that was sent once
 };
 
-/// What the sender knows of the segments under way, and which of them it believes lost: those sent
-/// before one that has arrived (RACK, RFC 8985).
+/// The sender's state of the unacknowledged segments. Marks as lost those that were sent before one
+/// that has arrived (RACK, RFC 8985).
 class TcpScoreboard {
  public:
   void sent(const TcpSegment& segment) { segments_.push_back(segment); }
   TcpAckResult take(const TcpAck& ack, RunTime now);
 
-  /// Marks losses; returns when to look again at segments that may just be late, if at all.
+  /// Marks lost segments. Returns when to check again the segments that may only be late, or
+  /// nothing.
   std::optional<RunTime> find_losses(RunTime now, Duration reordering);
-  /// After a time-out everything counts as lost that was not sent within the last round trip.
+  /// Marks as lost the first segment and all that were not sent within the last round trip.
   void on_retransmission_timeout(RunTime now);
-  /// The time-out was wrong: nothing is lost.
+  /// Call when a timeout was spurious: unmarks all segments.
   void undo_losses();
 
-  /// The first one to send again; nullptr when none is lost.
+  /// Returns the first lost segment, or nullptr.
   TcpSegment* next_lost();
   void retransmit(TcpSegment& segment, RunTime now);
   TcpSegment& first() { return segments_.front(); }
@@ -61,7 +62,7 @@ class TcpScoreboard {
 
   std::deque<TcpSegment> segments_;
   int sacked_ = 0, lost_ = 0;
-  // RACK: of all that arrived, the one sent last.
+  // RACK: of all segments that arrived, the one sent last.
   RunTime newest_sent_{};
   std::uint64_t newest_end_ = 0;
   Duration newest_rtt_{}, least_rtt_ = Duration::max();

@@ -12,9 +12,9 @@
 namespace slambed {
 namespace {
 
-/// Bytes that the live channel leaves unsent in the kernel before it hands over the next message.
+/// A message is handed over while TCP has fewer unsent bytes (live: TCP_NOTSENT_LOWAT).
 constexpr std::uint64_t kUnsentLimit = 128 * 1024;
-/// Nobody dies in a virtual run.
+/// Nodes are not restarted in a virtual run.
 constexpr std::uint64_t kOnlySession = 1;
 
 }  // namespace
@@ -24,7 +24,7 @@ class VirtualLink::VirtualChannel final : public Channel {
   VirtualChannel(Simulator& simulator, Observer& observer, ChannelOptions options)
       : simulator_(simulator), observer_(observer), options_(std::move(options)) {}
 
-  /// Joins the two ends; the handshake gives both their first RTT.
+  /// Connects this end to the peer's. The handshake gives the first RTT sample.
   void connect(VirtualChannel& peer, PathModel& outward, PathModel& inward) {
     flow_ = std::make_unique<TcpFlow>(
         simulator_, outward, inward, [&peer](std::uint64_t upto) { peer.receive_upto(upto); },
@@ -82,7 +82,7 @@ class VirtualLink::VirtualChannel final : public Channel {
     return stats;
   }
 
-  /// The kernel goes on without the program.
+  /// Freezes or resumes the program; the kernel's TCP goes on meanwhile.
   void freeze(bool frozen) {
     frozen_ = frozen;
     if (frozen) return;
@@ -117,7 +117,7 @@ class VirtualLink::VirtualChannel final : public Channel {
     hand_over();
   }
 
-  /// Looks when a stall would be due, as long as something is under way.
+  /// Schedules a check for when a stall would be due, as long as bytes are in flight.
   void watch_stall() {
     if (watching_ || stall_.stalled()) return;
     watching_ = true;
@@ -158,9 +158,9 @@ class VirtualLink::VirtualChannel final : public Channel {
   VirtualChannel* peer_ = nullptr;
   std::unique_ptr<TcpFlow> flow_;
   std::deque<Message> outgoing_, incoming_;
-  std::deque<std::pair<std::uint64_t, Message>> under_way_;  ///< to us, by end in the byte stream
+  std::deque<std::pair<std::uint64_t, Message>> under_way_;  ///< to us, with end in the byte stream
   std::uint64_t expected_ = 0;
-  std::uint64_t arrived_ = 0;  ///< bytes of the stream that the kernel has
+  std::uint64_t arrived_ = 0;  ///< bytes of the stream that the kernel has received
   bool frozen_ = false;
   bool held_ = false;
   std::uint64_t next_sequence_ = 1;
@@ -209,7 +209,7 @@ class VirtualLink::Side final : public Network {
   VirtualLink& link_;
   Observer& observer_;
   VirtualSignal peer_signal_;
-  int silences_ = 0;  ///< reasons to hear nothing at present
+  int silences_ = 0;  ///< current reasons why the peer is silent: gaps, a frozen edge
   std::map<std::string, std::unique_ptr<VirtualChannel>> channels_;
 };
 
@@ -227,7 +227,7 @@ VirtualLink::Side& VirtualLink::side(int index, Observer& observer) {
   return *sides_[index];
 }
 
-/// A long gap of a direction is a peer without signs of life for the side that listens.
+/// During a long gap in one direction, the receiving side finds its peer silent.
 void VirtualLink::watch_gaps(const link::DirectionOptions& direction, int listener) {
   for (const link::Gap& gap : direction.gaps) {
     const RunTime noticed = RunTime(gap.start_ns) + kPeerSilence, over(gap.end_ns);

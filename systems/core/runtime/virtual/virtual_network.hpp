@@ -15,23 +15,23 @@
 
 namespace slambed {
 
-/// The link of a virtual run: one path per direction, shared by all channels, each of which is a
-/// TCP connection of its own, as in the live network.
+/// The link of a virtual run. All channels share one path per direction; each is a separate TCP
+/// connection, as in the live network.
 class VirtualLink {
  public:
   VirtualLink(Simulator& simulator, const link::DirectionOptions& up,
               const link::DirectionOptions& down, std::uint64_t seed);
   ~VirtualLink();
 
-  /// The network as one node sees it. Observers get what the live channels report.
+  /// The network as one node sees it. The observer gets the same reports as from live channels.
   Network& mobile_side(Observer& observer);
   Network& edge_side(Observer& observer);
 
-  /// The edge's program stands still, or goes on: what arrives meanwhile waits in its kernel, which
-  /// acknowledges it. Once that has lasted for kPeerSilence the mobile misses its signs of life.
+  /// Freezes or resumes the edge's program. Meanwhile its kernel receives and acknowledges data.
+  /// After kPeerSilence the mobile finds the edge silent.
   void freeze_edge(bool frozen);
 
-  /// Round trip that a small packet would see now, without queueing.
+  /// RTT of a small packet now, without queueing.
   Duration rtt_now() const { return up_.delay_now() + down_.delay_now(); }
   const PathModel& up() const { return up_; }
   const PathModel& down() const { return down_; }
@@ -47,8 +47,8 @@ class VirtualLink {
   Simulator& simulator_;
   PathModel up_, down_;
   std::array<std::unique_ptr<Side>, 2> sides_;  ///< mobile, edge
-  int freezes_ = 0;                             ///< beginnings and ends so far
-  bool frozen_silent_ = false;                  ///< the mobile misses the edge's signs of life
+  int freezes_ = 0;                             ///< number of freeze_edge calls so far
+  bool frozen_silent_ = false;                  ///< the mobile finds the frozen edge silent
 };
 
 }  // namespace slambed

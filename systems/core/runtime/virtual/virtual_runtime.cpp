@@ -6,7 +6,7 @@
 
 namespace slambed {
 
-/// One wait of one task; whoever wakes it first decides, later wake-ups find it done.
+/// One wait of one task. The first wake-up counts; later ones are ignored.
 struct VirtualSignal::Waiter {
   VirtualRuntime& runtime;
   Task& task;
@@ -41,7 +41,7 @@ class VirtualRuntime::VirtualWorker final : public Worker {
 
  protected:
   StageToken begin_stage(std::string_view name) override {
-    runtime_.model_.cost(name);  // an unknown stage must not surface in end_stage, a destructor
+    runtime_.model_.cost(name);  // throws here, since end_stage runs in a destructor
     return {name, now(), {}};
   }
   void end_stage(StageToken& token, const StageUnits& units) override {

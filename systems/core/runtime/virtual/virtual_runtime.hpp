@@ -15,7 +15,7 @@
 
 namespace slambed {
 
-/// A signal whose notify wakes its waiters, in the order of their arrival, at the current instant.
+/// A signal whose notify wakes its waiters at the current time, in the order of their arrival.
 class VirtualSignal final : public Signal {
  public:
   std::uint64_t ticket() const override { return count_; }
@@ -41,15 +41,15 @@ class VirtualRuntime final : public Runtime {
   /// After Simulator::run: rethrows the first exception that left a worker.
   void join() override;
 
-  /// As SIGSTOP and SIGCONT do: workers stand still, in the middle of a stage too, and what would
-  /// have woken them does so when they go on.
+  /// Acts like SIGSTOP and SIGCONT: workers stop even within a stage, and wake-ups take effect when
+  /// they resume.
   void freeze(bool frozen);
 
-  /// Called at the first exception that leaves a worker: the other node must not wait for ever for
-  /// one that is gone without a word.
+  /// Sets a hook that is called when an exception leaves a worker, so that the other node does not
+  /// wait forever for this one.
   void on_failure(std::function<void()> hook) { failed_ = std::move(hook); }
 
-  /// Compute time charged so far.
+  /// Compute time of the cores so far, including the background load.
   Duration cpu_time() const { return device_.cpu_time(); }
 
  private:
@@ -66,7 +66,7 @@ class VirtualRuntime final : public Runtime {
   Observer& observer_;
   bool stopping_ = false;
   bool frozen_ = false;
-  std::vector<Task*> woken_;  ///< while frozen
+  std::vector<Task*> woken_;  ///< tasks woken while frozen
   std::exception_ptr error_;
   std::function<void()> failed_ = [] {};
   std::vector<std::weak_ptr<VirtualSignal::Waiter>> waiting_;

@@ -29,7 +29,7 @@ std::shared_ptr<const Sensor> sensor_of(const PreparedSequence& sequence) {
   return sensor;
 }
 
-/// The same room and path, seen by each kind of camera.
+/// The same synthetic room and camera path, for each kind of sensor.
 class FeatureSourceTest : public ::testing::TestWithParam<const char*> {
  protected:
   std::filesystem::path make(const std::string& sensor) {

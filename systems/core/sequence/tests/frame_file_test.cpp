@@ -75,7 +75,7 @@ TEST_F(FrameFileTest, SaysSoWhenAByteIsWrong) {
     if (!file.open("key")) continue;
     std::string said;
     for (std::uint64_t frame = 0; frame < 4; ++frame) said += complaint([&] { file.block(frame); });
-    // A block's own number is not under its checksum.
+    // The checksum does not cover a block's count.
     const bool of_count = said == "acceptedacceptedacceptedaccepted";
     EXPECT_TRUE(of_count || said.find("is damaged") != std::string::npos) << at << ": " << said;
   }
@@ -91,7 +91,7 @@ TEST_F(FrameFileTest, SaysSoWhereItCannotBeWritten) {
             std::string::npos);
 }
 
-/// A mask cache as slambed.segment leaves it: frame 1 alone has anything in it.
+/// A mask cache as slambed.segment writes it. Only frame 1 has masks.
 class MaskCacheTest : public FrameFileTest {
  protected:
   void write(const FrameMasks& masks, std::uint32_t instances) {

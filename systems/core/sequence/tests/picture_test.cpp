@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Pictures on their way to the edge: what is sent, and what is extracted from it there.
+// Images sent to the edge, and the features that the edge extracts from them.
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -57,7 +57,7 @@ TEST_F(PictureTest, VirtualFeaturesAreThoseOfThePictureThatCame) {
     const auto a = known.extract(frame), b = decoded.extract(frame);
     ASSERT_GT(a->size(), 300);
     EXPECT_TRUE(std::ranges::equal(a->descriptors(), b->descriptors()));
-    // Not those of the picture before it was coded.
+    // They differ from the features of the image before compression.
     EXPECT_FALSE(std::ranges::equal(a->descriptors(), clean.features(frame)->descriptors()));
   }
 }

@@ -13,9 +13,9 @@
 
 namespace slambed::testing {
 
-/// A hall without walls or end: every 2 m of floor hold the same few dozen points each time they
-/// are looked at, made from the place's number and never kept. So a map can grow as long as one
-/// likes and the memory measured is the map's alone.
+/// An endless hall: every 2 m cell holds the same few dozen points each time it is seen. They are
+/// generated from the cell's number and never stored, so a map can grow without limit and the
+/// measured memory is the map's alone.
 class EndlessScene {
  public:
   EndlessScene() {
@@ -47,7 +47,7 @@ class EndlessScene {
     return std::make_shared<FeatureSet>(sensor_, std::move(keypoints), std::move(descriptors));
   }
 
-  /// Trained on what the points look like.
+  /// Trained on the points' descriptors.
   std::shared_ptr<const Vocabulary> vocabulary() {
     std::vector<std::vector<Descriptor>> images(kLooks / 500);
     for (std::size_t i = 0; i < kLooks; ++i)

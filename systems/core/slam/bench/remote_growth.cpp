@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// remote_growth [KEYFRAMES]: an earlier trip of so many keyframes through an endless hall, and what
-// it takes to find keyframes of a second trip in its map. Times are the thread's CPU time, medians.
+// remote_growth [KEYFRAMES]: maps an earlier trip of so many keyframes through an endless hall and
+// measures the cost of matching a second trip with it. Times are medians of the thread's CPU time.
 #include <time.h>
 
 #include <algorithm>
@@ -19,7 +19,7 @@ namespace {
 
 constexpr double kRadius_m = 8, kShift_m = 3, kStep_m = 0.6;
 constexpr int kAsked = 30;  ///< keyframes of the second trip
-constexpr int kMemory = 8;  ///< keyframes for which a point out of sight is known again
+constexpr int kMemory = 8;  ///< keyframes after which an unseen point is forgotten
 
 SE3 stand(double place) {
   const double angle = place * kStep_m / kRadius_m;
@@ -40,7 +40,7 @@ double median(std::vector<double> values) {
   return values[values.size() / 2];
 }
 
-/// Makes keyframes of one trip; features that are near a known point's place in the image see it.
+/// Makes keyframes of one trip; a feature within 10 cm of a known point observes that point.
 class Trip {
  public:
   Trip(EndlessScene& scene, IdSpace space) : scene_(scene), keyframes_(space), points_(space) {}
@@ -76,7 +76,7 @@ class Trip {
       }
       known_[found].seen = made_;
       keyframe.points.push_back(known_[found].point.id);
-      delta.points.push_back(known_[found].point);  // whole: all that it sees
+      delta.points.push_back(known_[found].point);  // not only new points: all that it sees
     }
     delta.keyframes.push_back(std::move(keyframe));
     return delta;

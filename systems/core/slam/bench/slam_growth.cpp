@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 // slam_growth [KEYFRAMES]: tracks and maps a camera that walks in circles through an endless hall,
-// each circle 3 m further on, and writes as CSV what a frame and a keyframe cost against the size
-// of the map. Times are the thread's CPU time, medians since the row before. yardstick_ms is always
-// the same work, tracking in a small map that does not grow: what changes it is the host.
+// each circle 3 m further on. Prints as CSV the cost of a frame and of a keyframe against the size
+// of the map. Times are medians of the thread's CPU time since the row before. yardstick_ms times
+// constant work, tracking in a small map that does not grow: it changes only with the host.
 #include <malloc.h>
 #include <time.h>
 
@@ -28,7 +28,7 @@ SE3 stand(int frame) {
   const double turns = angle / (2 * M_PI);
   const Eigen::Vector3d eye(kRadius_m * std::cos(angle) + kShift_m * turns,
                             0.05 * std::sin(3 * angle), kRadius_m * std::sin(angle));
-  // Along the circle: z of the camera is the tangent.
+  // The camera's z axis is the tangent of the circle.
   const Eigen::Matrix3d R_wc =
       Eigen::AngleAxisd(-angle, Eigen::Vector3d::UnitY()).toRotationMatrix();
   return SE3(R_wc, eye).inverse();

@@ -9,8 +9,8 @@
 
 namespace slambed::testing {
 
-/// A camera goes round and round in a room, and its map drifts: what it saw a lap ago it takes for
-/// something new. Keyframes are added to the map one by one.
+/// A camera circles in a room, and its map drifts: points from a lap ago are mapped as new ones.
+/// Keyframes are added to the map one by one.
 class DriftedLaps {
  public:
   struct Drift {
@@ -94,7 +94,7 @@ class DriftedLaps {
   std::shared_ptr<PlaceIndex> places;
 
  private:
-  /// Keyframes for which a thing out of sight is remembered.
+  /// Keyframes after which a thing out of sight is forgotten.
   static constexpr int kMemory = 12;
   struct Tracked {
     MapPointId point;

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The keyframe decision as a table: one row per way it can go.
+// The keyframe decision as a table with one row per outcome.
 #include <gtest/gtest.h>
 
 #include "slam/keyframe_rule.hpp"
@@ -7,7 +7,7 @@
 namespace slambed {
 namespace {
 
-/// Well tracked, nothing to do; rows change what matters to them.
+/// A well tracked frame that needs no keyframe; each row changes what it tests.
 KeyFrameEvidence calm() {
   KeyFrameEvidence e;
   e.tracked = true;

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Each stage of local mapping on a map whose truth is known.
+// Each stage of local mapping on a map with known ground truth.
 #include "slam/local_mapper.hpp"
 
 #include <gtest/gtest.h>
@@ -15,11 +15,11 @@ constexpr std::uint64_t kMobile = std::uint64_t{1} << 56;
 KeyFrameId kf(std::uint64_t n) { return {kMobile | n}; }
 MapPointId pt(std::uint64_t n) { return {kMobile | n}; }
 
-/// Builds maps keyframe by keyframe; world coordinates are the true ones.
+/// Builds maps keyframe by keyframe in true world coordinates.
 class MapperTest : public ::testing::Test {
  protected:
   /// Adds a keyframe at the frame's true pose. Features whose thing satisfies known(thing) are
-  /// matched to the point of that thing, which is made at its true place when new.
+  /// matched to that thing's point, which is made at its true position if new.
   template <typename Predicate>
   KeyFrameId add(int frame, Predicate&& known, const Seeing& view = {}) {
     MapDelta delta;
@@ -125,9 +125,9 @@ TEST_F(MapperTest, AgesByIdCountKeyframesThatNeverCame) {
   };
   const auto even = [](int t) { return t % 2 == 0; };
   insert(add(0, even));
-  keyframes_ += 2;  // were made, and dropped on their way
+  keyframes_ += 2;  // were made but dropped on the way
   insert(add(60, [](int) { return false; }));
-  // One keyframe later: too young by keyframes mapped, old enough by their ids.
+  // One keyframe later the points are too young by keyframes mapped, but old enough by ids.
   EXPECT_TRUE(mapper.cull_points().culled_points.empty());
   EXPECT_FALSE(by_id.cull_points().culled_points.empty());
 }
@@ -135,7 +135,7 @@ TEST_F(MapperTest, AgesByIdCountKeyframesThatNeverCame) {
 TEST_F(MapperTest, FusesPointsThatAreTheSameThing) {
   add(0, all, {.flipped_bits = 8});
   const auto first_points = point_of_;
-  // The second keyframe knows a third of them as new points and misses another third.
+  // The second keyframe has new points for a third of the things and none for another third.
   for (auto it = point_of_.begin(); it != point_of_.end();)
     it = it->first % 3 == 0 ? point_of_.erase(it) : std::next(it);
   add(10, [&](int t) { return t % 3 != 1; }, {.flipped_bits = 8});
@@ -159,7 +159,7 @@ TEST_F(MapperTest, FusesPointsThatAreTheSameThing) {
 
 TEST_F(MapperTest, BundleMovesPointsAndPosesToTheTruth) {
   for (int i = 0; i < 5; ++i) add(i * 12, all, {.pixel_noise = 0.2});
-  // Shake everything but the origin.
+  // Perturbs everything but the origin.
   std::mt19937 random(3);
   std::normal_distribution<double> noise;
   const MapDelta shake = map->read([&](const MapView& view) {
@@ -247,13 +247,13 @@ TEST_F(MapperTest, TwoKeyFramesAreNotWorthABundle) {
 }
 
 TEST_F(MapperTest, RedundantKeyFramesAreCulled) {
-  for (int i = 0; i < 6; ++i) add(i, all);  // all see the same
+  for (int i = 0; i < 6; ++i) add(i, all);  // all see the same points
   const MapDelta delta = mapper.cull_keyframes();
   for (const KeyFrameId id : delta.culled_keyframes) {
     EXPECT_NE(id, kf(1)) << "the origin stays";
     EXPECT_NE(id, kf(6)) << "the newest stays";
   }
-  // Every point must keep three observers besides the one that is asked about.
+  // Every point must keep three observers besides the culled keyframe.
   EXPECT_EQ(delta.culled_keyframes.size(), 2u);
   map->commit(delta);
   EXPECT_TRUE(mapper.cull_keyframes().culled_keyframes.empty());
@@ -272,7 +272,7 @@ TEST_F(MapperTest, PointsThatAreNotFoundOrNotSeenAgainAreCulled) {
   map->commit(delta);
   EXPECT_TRUE(mapper.cull_points().empty());
 
-  // Two keyframes later what still has a single stereo observation goes.
+  // Two keyframes later, points with a single stereo observation are culled.
   const auto few = [](int t) { return t % 2 == 0; };
   add(8, few);
   EXPECT_TRUE(mapper.cull_points().empty());
@@ -284,7 +284,7 @@ TEST_F(MapperTest, PointsThatAreNotFoundOrNotSeenAgainAreCulled) {
     return 0;
   });
   map->commit(delta);
-  // Those who passed are free after the third keyframe, whatever happens later.
+  // Points that passed stay after the third keyframe, whatever happens later.
   add(16, few);
   mapper.cull_points();
   const MapPointId old = map->read([](const MapView& view) { return view.point_ids().front(); });

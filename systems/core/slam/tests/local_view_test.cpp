@@ -82,7 +82,7 @@ TEST_F(LocalViewTest, ObservationCountsAreAbsoluteAndSorted) {
   view.keep_observation_counts();
   view.begin_look();
   view.count_visible(20);
-  view.begin_look();  // the search before it had a wrong pose
+  view.begin_look();  // drops the last search, which had a wrong pose
   const auto observation_counts = view.take_observation_counts(map);
   ASSERT_EQ(observation_counts.size(), 10u);
   for (std::size_t i = 0; i < 10; ++i) {

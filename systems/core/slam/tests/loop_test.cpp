@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Loops in a map that drifts: found, measured, closed, spread over the map, polished.
+// Loops in a drifting map: detection, verification, correction, pose graph and global bundle.
 #include <gtest/gtest.h>
 
 #include "drifted_laps.hpp"
@@ -23,7 +23,7 @@ struct Case {
   const char* name;
   DriftedLaps::Drift drift;
   double closed_m;    ///< worst error allowed after the graph
-  double polished_m;  ///< ... after the bundle
+  double polished_m;  ///< the same after the bundle
 };
 void PrintTo(const Case& test, std::ostream* out) { *out << test.name; }
 
@@ -36,14 +36,14 @@ class LoopTest : public ::testing::TestWithParam<Case> {
 
 TEST_P(LoopTest, IsFoundWhereTheLapCloses) {
   ASSERT_TRUE(run_to_loop(laps, closer, 2 * DriftedLaps::kPerLap));
-  // Half the field of view before the end of the lap and some keyframes to be sure.
+  // The loop can close half a field of view before the end of the lap; the rest is a margin.
   EXPECT_GE(laps.count(), DriftedLaps::kPerLap - 8);
   EXPECT_LE(laps.count(), DriftedLaps::kPerLap + 8);
   const LoopMatch& loop = closer.loop();
   EXPECT_EQ(loop.keyframe, DriftedLaps::id(laps.count() - 1));
   EXPECT_LE(loop.matched, DriftedLaps::id(12));
   EXPECT_GE(loop.matches, 40);
-  // The old part of the map lies where it should: so does the new keyframe as seen from there.
+  // The old part of the map is accurate, so the new keyframe's corrected pose must be too.
   const SE3 found = to_se3(loop.S_cw);
   const int k = laps.count() - 1;
   const int old = static_cast<int>(loop.matched.value & 0xffff) - 1;
@@ -177,7 +177,7 @@ TEST(MapCorrectionTest, TheUnmentionedFollowTheirParentsAndPointsTheirKeyFrames)
   for (int i = 0; i < 6; ++i) laps.add();
   Vector7 twist;
   twist << 0.3, -0.2, 0.1, 0.2, 0.1, -0.3, 0.4;
-  const Sim3 change = sim3_exp(twist);  // of the world, scale too
+  const Sim3 change = sim3_exp(twist);  // of the world, including its scale
   const MapDelta delta = laps.map->read([&](const MapView& view) {
     MapCorrection correction;
     const Sim3 before = to_sim3(view.keyframe(DriftedLaps::id(0))->T_cw);
@@ -205,7 +205,7 @@ TEST(MapCorrectionTest, TheUnmentionedFollowTheirParentsAndPointsTheirKeyFrames)
 TEST(GlobalBundleTest, WhatWasAddedMeanwhileMovesAlong) {
   DriftedLaps laps({.turn_rad = 0, .move_m = 0});
   for (int i = 0; i < 12; ++i) laps.add();
-  // The whole map but its origin was bent a little.
+  // Bends the whole map a little, except its origin.
   const MapDelta bend = laps.map->read([](const MapView& view) {
     MapDelta delta;
     Vector7 twist = Vector7::Zero();
@@ -223,7 +223,7 @@ TEST(GlobalBundleTest, WhatWasAddedMeanwhileMovesAlong) {
   while (bundle->step()) {
   }
   EXPECT_LT(bundle->cost(), 0.5 * cost);
-  // Meanwhile a keyframe arrived, at a pose that belongs to its bent parent.
+  // Meanwhile a keyframe arrives, at a pose relative to its bent parent.
   const KeyFrameId fresh = laps.add();
   const auto [parent, T_fp] = laps.map->read([&](const MapView& view) {
     const KeyFrame& keyframe = *view.keyframe(fresh);

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Tracker and mapper together, one after the other, on a long noisy walk.
+// Tracker and mapper in turn on a long noisy walk.
 #include <gtest/gtest.h>
 
 #include "slam/local_mapper.hpp"

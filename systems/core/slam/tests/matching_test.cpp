@@ -56,7 +56,7 @@ TEST(Viewpoint, SeesOnlyWhatIsInFrontInRangeAndFacing) {
   other.min_distance_m = 2.6f;
   EXPECT_FALSE(camera.sees(other, at));
   other = point;
-  other.normal = {0, 0.954f, 0.3f};  // seen from more than 60 degrees aside
+  other.normal = {0, 0.954f, 0.3f};  // more than 60 degrees off the viewing ray
   EXPECT_FALSE(camera.sees(other, at));
 }
 

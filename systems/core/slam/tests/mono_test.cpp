@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// One camera without depth: the first map from two views, then tracking and mapping.
+// A monocular camera: the first map from two views, then tracking and mapping.
 #include <gtest/gtest.h>
 
 #include "geometry/alignment.hpp"
@@ -14,7 +14,7 @@ namespace {
 TrackerOptions mono_options() { return suited({}, SensorKind::kMono); }
 
 struct Start {
-  int frame = -1;  ///< that became the second keyframe
+  int frame = -1;  ///< the one that became the second keyframe
   MapDelta delta;
   SE3 T_cw;
 };
@@ -46,7 +46,7 @@ TEST(TwoViewStart, TwoKeyFramesWithUnitMedianDepth) {
   for (const NewPoint& point : made.delta.points) depths.push_back(point.p_w.z());
   std::nth_element(depths.begin(), depths.begin() + depths.size() / 2, depths.end());
   EXPECT_NEAR(depths[depths.size() / 2], 1, 1e-9);
-  // The motion is the true one but for its length.
+  // The motion is correct up to scale.
   const SE3 truth = stroll(made.frame) * stroll(0).inverse();
   EXPECT_LT(turn_error_deg(second.T_cw, truth), 0.02);
   EXPECT_GT(second.T_cw.t.normalized().dot(truth.t.normalized()), 0.99999);
@@ -84,7 +84,7 @@ TEST(TwoViewStart, AViewThatIsGoneIsGivenUp) {
                    Eigen::Vector3d::Zero());
   EXPECT_FALSE(offer(0, scene.look(behind * stroll(0))));
   EXPECT_FALSE(offer(1, scene.look(stroll(0))));
-  // The frame that showed something else waits now, not the first one.
+  // Frame 0 saw another place, so frame 1 waits now.
   std::optional<MapDelta> delta;
   for (int i = 2; i < 40 && !delta; ++i) delta = offer(i, scene.look(stroll(i)));
   ASSERT_TRUE(delta);

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Which keyframes look like an image: words in common, similarity, groups of covisibles.
+// Place recognition: common words, similarity, groups of covisibles.
 #include "slam/place_index.hpp"
 
 #include <gtest/gtest.h>
@@ -109,7 +109,7 @@ TEST_F(PlaceIndexTest, FollowsAMap) {
   map.commit(cull);
   index.update_from(map);
   EXPECT_EQ(index.size(), 3u);
-  EXPECT_EQ(ask(*bag).size(), 2u);  // of equal groups each
+  EXPECT_EQ(ask(*bag).size(), 2u);  // one per group, both groups being equal
 }
 
 TEST_F(PlaceIndexTest, FollowsAMapThatBeginsAnewAndAnotherMap) {
@@ -147,7 +147,7 @@ TEST_F(PlaceIndexTest, ComparesAsIfEveryBagWereComparedOneByOne) {
       bag.words.emplace_back(word, static_cast<float>(1 + random() % 9) / 150);
     return bag;
   };
-  // None shares a point with another, so each is a group of its own.
+  // No keyframe shares a point with another, so each is a group of its own.
   std::map<KeyFrameId, BagOfWords> all;
   MapDelta lonely;
   for (std::uint64_t k = 11; k <= 60; ++k) {

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// A pose that somebody else found, in a map of 40 keyframes and behind a tracker that goes on.
+// Pose corrections in a map of 40 keyframes and for a tracker that continues.
 #include "slam/pose_correction.hpp"
 
 #include <gtest/gtest.h>
@@ -27,7 +27,7 @@ SE3 off(const SE3& T_cw) {
   return (SE3::exp(twist) * T_cw).normalized();
 }
 
-/// Tracker and mapper with nobody else.
+/// A tracker and a mapper without any other worker.
 class Car {
  public:
   enum class Mapping { kNone, kBare, kAll };
@@ -103,7 +103,7 @@ TEST_F(PoseCorrectionTest, PutsTheKeyframeWhereItWasToldAndFadesBackInTime) {
       EXPECT_LT(moved_m, distance_m + 0.01) << i;
       EXPECT_GE(moved_m, last_m) << i;
     } else {
-      // Newer ones keep their place relative to k.
+      // Newer keyframes keep their pose relative to k.
       EXPECT_LT(center_error(now * car.pose(k).inverse(), before[i] * before[k].inverse()), 1e-6);
     }
     last_m = i >= begin && i < k ? moved_m : last_m;
@@ -124,7 +124,7 @@ TEST_F(PoseCorrectionTest, RigidMovesTheWindowAlike) {
 
 TEST_F(PoseCorrectionTest, OneErrorToldTwiceInFlightIsAppliedOnce) {
   const SE3 move = off(SE3());
-  // Both answers were found against the map as it was when the keyframes were sent.
+  // Both answers were computed before the first correction.
   const SE3 told_1 = car.pose(30) * move, told_2 = car.pose(35) * move;
   EXPECT_GT(car.correct(30, told_1).magnitude_m, 0.3);
   const PoseCorrection second = car.correct(35, told_2);
@@ -143,7 +143,7 @@ TEST_F(PoseCorrectionTest, TheNextFrameKeepsItsInliersAndTheBundlesKeepTheCorrec
   EXPECT_GE(car.outcome.inliers, 0.8 * inliers);
   EXPECT_TRUE(car.outcome.by_motion_model);
   car.drive(10 * kFramesBetween, Car::Mapping::kAll);
-  // Where the camera is says how much of it is still there.
+  // The camera position shows how much of the correction remains.
   const int last = kFramesBetween * kKeyFrames + 1 + 10 * kFramesBetween;
   const SE3 uncorrected = walk(last) * walk(0).inverse();
   const SE3 expected = uncorrected * correction.T_new_old.inverse();
@@ -155,7 +155,7 @@ TEST_F(PoseCorrectionTest, TheNextFrameKeepsItsInliersAndTheBundlesKeepTheCorrec
 }
 
 TEST_F(PoseCorrectionTest, ACarThatStoodLongerThanTheWindowIsCorrectedToo) {
-  // Every point was first seen before the window, and all are still seen.
+  // Every point was first seen before the window and is still observed.
   constexpr int k = 39;
   const int inliers = car.outcome.inliers;
   const PoseCorrection correction =

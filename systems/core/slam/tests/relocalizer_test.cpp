@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Finding a lost camera in a map of a whole room.
+// Relocalization in a map of a whole room.
 #include "slam/relocalizer.hpp"
 
 #include <gtest/gtest.h>
@@ -13,7 +13,7 @@ namespace {
 constexpr Seeing kNoisy{
     .pixel_noise = 0.7, .depth_noise = 0.02, .flipped_bits = 10, .wrong_share = 0.1};
 
-/// Camera in the middle of the room, turning right by 3 degrees a frame.
+/// A camera in the middle of the room that turns right by 3 degrees per frame.
 SE3 turned(double frame) {
   const Eigen::Matrix3d R_wc =
       Eigen::AngleAxisd(frame * 3 * M_PI / 180, Eigen::Vector3d::UnitY()).toRotationMatrix();
@@ -49,7 +49,7 @@ TEST_F(RelocalizerTest, FindsEveryDirectionFromOtherPlacesUnderNoise) {
   Relocalizer relocalizer(places);
   int found = 0;
   for (int k = 0; k < 24; ++k) {
-    // 0.3 m away and between the directions of keyframes.
+    // 0.3 m from the keyframes and between their directions.
     const SE3 T_cw = SE3(Eigen::Matrix3d::Identity(), {0.25, -0.05, 0.2}) * turned(5 * k + 2);
     if (!locate(T_cw, kNoisy, relocalizer)) continue;
     ++found;

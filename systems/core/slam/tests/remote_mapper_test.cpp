@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Keyframes of a drifted second trip in the map of a first one.
+// Keyframes of a drifted second trip, matched with the map of the first.
 #include "slam/remote_mapper.hpp"
 
 #include <gtest/gtest.h>
@@ -37,7 +37,7 @@ class RemoteMapperTest : public ::testing::Test {
     places->update_from(*map);
   }
 
-  /// What a camera at path(k) sees, believed to be at T_cw. All points it sees come along.
+  /// A keyframe from path(k) with the believed pose T_cw, and all points that it sees.
   template <typename Name>
   static MapDelta look(SyntheticScene& scene, double k, const SE3& T_cw, KeyFrameId id, Name name) {
     MapDelta delta;
@@ -61,7 +61,7 @@ class RemoteMapperTest : public ::testing::Test {
     return delta;
   }
 
-  /// A keyframe of the second trip; a thing's point keeps its name.
+  /// A keyframe of the second trip; the point of a thing keeps its id.
   MapDelta receive(double k, const SE3& T_cw) {
     return look(scene, k, T_cw, {kTrip | ++received_}, [&](int thing) {
       auto [place, fresh] = trip_.try_emplace(thing);
@@ -69,7 +69,7 @@ class RemoteMapperTest : public ::testing::Test {
       return place->second;
     });
   }
-  /// All that the edge does; the pose found, none without a match.
+  /// Does all work of the edge; returns the pose found, nothing without a match.
   std::optional<SE3> answer(const MapDelta& received, bool estimated = true) {
     match = mapper.match(received, estimated);
     if (!match.matched) return std::nullopt;
@@ -113,7 +113,7 @@ TEST_F(RemoteMapperTest, PutsDriftedKeyframesWhereTheEarlierTripSays) {
   drift << 0.3, -0.1, 0.2, 0.02, 0.05, -0.02;
   int matched = 0;
   for (int k = 0; k < kPerLap; k += 4) {
-    // Between two poses of the first trip, and ever farther off.
+    // The pose lies between two poses of the first trip, with growing drift.
     const SE3 truth = path(k + 0.5);
     const SE3 believed = truth * SE3::exp(drift * (0.5 + k / 60.0));
     const auto found = answer(receive(k + 0.5, believed));
@@ -152,7 +152,7 @@ TEST_F(RemoteMapperTest, AKeyframeStaysAndSharesThePointsOfTheEarlierTrip) {
     EXPECT_GT(prior, 200);
     EXPECT_TRUE(std::any_of(kept->covisibles.begin(), kept->covisibles.end(),
                             [](const auto& c) { return made_by(c.id, IdSpace::kEdgeMapper); }));
-    // Almost nothing that the first one brought is there a second time.
+    // Nearly all points are those of the first keyframe, not duplicates.
     EXPECT_LT(view.point_count(), first + again.points.size() / 10);
     return 0;
   });

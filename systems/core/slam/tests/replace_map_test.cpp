@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Hand-over to another map: what Edge-SLAM's update does to a tracker in the middle of a walk.
+// Switching to another map: the effect of Edge-SLAM's update on a tracker during a walk.
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -69,13 +69,13 @@ TEST_F(ReplaceMap, SameKeyFramesInOtherCoordinates) {
 TEST_F(ReplaceMap, TheReferenceIsMissingButANeighborIsThere) {
   for (int i = 0; i < 33; ++i) show(i, i % 8 == 7);
   const auto older = excerpt(*tracker.map(), 3, kMoved);
-  tracker.create_keyframe();  // becomes the reference, unknown to the older copy
+  tracker.create_keyframe();  // becomes the reference, which the older copy lacks
   show(33);
   tracker.replace_map(older);
   for (int i = 34; i < 44; ++i) expect_tracked(i, kMoved);
 }
 
-/// The map with all points under other numbers, those of the edge.
+/// The map with new point ids, in the edge's space.
 std::shared_ptr<Map> renamed(const Map& map) {
   MapDelta delta = map.read([&](const MapView& view) {
     MapDelta all;
@@ -106,7 +106,7 @@ TEST_F(ReplaceMap, PointsFusedOverThereAreFoundThroughTheirFeatures) {
   for (int i = 40; i < 50; ++i) expect_tracked(i);
 }
 
-/// Edge-SLAM's ways, one at a time.
+/// Edge-SLAM's behaviors, one at a time.
 class ReplaceMapAsEdgeSlam : public ReplaceMap {
  protected:
   void begin(const TrackerOptions& options) {
@@ -131,7 +131,7 @@ TEST_F(ReplaceMapAsEdgeSlam, PointsOfTheEdgeAreNotKnownAgain) {
   EXPECT_EQ(next.search.motion_matches, 0) << "the last frame knows none of them";
   EXPECT_FALSE(next.by_motion_model);
   EXPECT_EQ(next.state, TrackingState::kOk) << "the reference keyframe helps";
-  // Tracking's own points keep their names.
+  // The tracker's own points keep their ids.
   begin({.points_by_observation = false});
   tracker_->replace_map(excerpt(*tracker_->map(), 99));
   EXPECT_TRUE(step(40).by_motion_model);
@@ -158,7 +158,7 @@ TEST_F(ReplaceMapAsEdgeSlam, TheNewestKeyframeBecomesTheReference) {
   for (const bool newest_is_reference : {false, true}) {
     begin({.newest_is_reference = newest_is_reference});
     step(40);
-    tracker_->create_keyframe(false);  // the edge may yet decline it: no reference
+    tracker_->create_keyframe(false);  // provisional, so no reference yet
     ASSERT_NE(tracker_->reference(), newest());
     tracker_->replace_map(excerpt(*tracker_->map(), 99, kMoved));
     EXPECT_EQ(tracker_->reference() == newest(), newest_is_reference);
@@ -168,7 +168,7 @@ TEST_F(ReplaceMapAsEdgeSlam, TheNewestKeyframeBecomesTheReference) {
 
 TEST_F(ReplaceMapAsEdgeSlam, TheLastPoseStaysUnlessItsReferenceIsTheNewest) {
   begin({.reanchor_last = false});
-  step(40, true);  // the reference, and the newest
+  step(40, true);  // its keyframe is the reference and the newest
   ASSERT_EQ(tracker_->reference(), newest());
   tracker_->replace_map(excerpt(*tracker_->map(), 99, kMoved));
   EXPECT_TRUE(step(41).by_motion_model);
@@ -235,7 +235,7 @@ TEST_F(ReplaceMap, AnotherTrackerAndMapperGoOnInAMapAndNameNothingAsItDoes) {
     return triangulated.points;
   };
   for (int i = 0; i < 60; ++i) {
-    // Far points have no depth: the mapper has something to triangulate.
+    // Far points have no depth, so the mapper has something to triangulate.
     const auto features = scene.look(walk(i), {.depth_limit_m = 3});
     const bool first = tracker.track(i, i / 30.0, features).initialized_now;
     if (first || i % 8 == 7) work_in(mapper, tracker.create_keyframe());

@@ -9,8 +9,8 @@
 
 namespace slambed::testing {
 
-/// A vocabulary of the world's own descriptors. Random bits have no structure that a vocabulary of
-/// real images could know, so that a few flipped bits would carry them to another word there.
+/// A vocabulary of the scene's own descriptors. In a vocabulary of real images a few flipped bits
+/// of a random descriptor would change its word.
 inline std::shared_ptr<const Vocabulary> scene_vocabulary(SyntheticScene& scene) {
   std::vector<std::vector<Descriptor>> images;
   for (int turn = 0; turn < 24; ++turn) {

@@ -13,17 +13,17 @@
 
 namespace slambed::testing {
 
-/// How good the camera is.
+/// Quality of the camera.
 struct Seeing {
   double pixel_noise = 0;      ///< times the octave's scale, px
-  double depth_noise = 0;      ///< share of the depth
+  double depth_noise = 0;      ///< as a share of the depth
   int flipped_bits = 0;        ///< of each descriptor
-  double depth_limit_m = 1e9;  ///< no depth beyond
-  double wrong_share = 0;      ///< features moved somewhere else
+  double depth_limit_m = 1e9;  ///< no depth beyond this
+  double wrong_share = 0;      ///< share of features moved elsewhere
 };
 
-/// A room of points with unique descriptors, seen by a perfect or a noisy RGB-D camera, or by one
-/// without depth.
+/// A room of points with unique descriptors, seen by a perfect or noisy RGB-D camera or by a
+/// monocular one.
 class SyntheticScene {
  public:
   explicit SyntheticScene(int points = 5000, unsigned seed = 1, bool mono = false) : random_(seed) {
@@ -109,7 +109,7 @@ class SyntheticScene {
                                         std::vector<Descriptor>{});
   }
 
-  /// Which point each feature of the last look() is.
+  /// The point that each feature of the last look() shows.
   const std::vector<int>& seen() const { return seen_; }
 
  private:
@@ -136,7 +136,7 @@ inline SE3 walk(int frame) {
   return SE3(R_wc, center).inverse();
 }
 
-/// A walk with more steps than turns: one camera learns depth from steps only.
+/// A walk with more translation than rotation, as a monocular camera needs for depth.
 inline SE3 stroll(int frame) {
   const double s = frame / 30.0;
   const Eigen::Vector3d center(1.2 * std::sin(0.9 * s), 0.2 * std::sin(1.3 * s),
@@ -146,7 +146,7 @@ inline SE3 stroll(int frame) {
   return SE3(R_wc, center).inverse();
 }
 
-/// The same, and slowly round: after ten seconds nothing of the beginning is in view.
+/// The same with a slow turn: after ten seconds nothing of the start is in view.
 inline SE3 stroll_round(int frame) {
   const Eigen::AngleAxisd turn(0.1 * frame / 30.0, Eigen::Vector3d::UnitY());
   return SE3(turn.toRotationMatrix(), Eigen::Vector3d::Zero()) * stroll(frame);

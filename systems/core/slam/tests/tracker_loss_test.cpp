@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Losing the place, and how it is found again.
+// Tracking loss and recovery.
 #include "slam/tracker.hpp"
 
 #include <gtest/gtest.h>
@@ -41,7 +41,7 @@ TEST(Tracker, SurvivesBlackFramesAndFindsItsPlaceAgain) {
   }
 }
 
-/// Frames of six that are lost after a recovery in a place that only provisional keyframes see.
+/// Counts lost frames of six after a recovery in a place that only provisional keyframes see.
 int lost_after_recovery(TrackerOptions options) {
   SyntheticScene scene;
   options.reset_below_keyframes = 1;
@@ -74,7 +74,7 @@ TEST(Tracker, RelocalizesAfterAJumpToAKnownPlace) {
   SyntheticScene scene;
   TrackerRig rig({.reset_below_keyframes = 1});
   for (int i = 0; i < 120; ++i) rig.show(scene.look(walk(i)));
-  // Looks at the wall behind, never seen, then at a place from long ago.
+  // Looks at the unseen wall behind, then at a place from long ago.
   const SE3 behind(Eigen::AngleAxisd(M_PI, Eigen::Vector3d::UnitY()).toRotationMatrix(),
                    Eigen::Vector3d::Zero());
   for (int i = 0; i < 3; ++i)
@@ -123,7 +123,7 @@ TEST(Tracker, AWrongPoseIsNotBelievedForLong) {
   EXPECT_EQ(rig.show(other.look(walk(32))).state, TrackingState::kLost);
 }
 
-/// A keyframe as if it were a lost frame that somebody has found.
+/// Makes a FoundFrame of a keyframe.
 FoundFrame found_at(const Map& map, KeyFrameId id) {
   return map.read([&](const MapView& view) {
     const KeyFrame& keyframe = *view.keyframe(id);
@@ -177,7 +177,7 @@ TEST(Tracker, AFrameThatWasFoundAtAWrongPlaceEndsNoLoss) {
   const TrackOutcome outcome = rig.show(other.look(walk(32)));
   EXPECT_EQ(outcome.state, TrackingState::kLost);
   EXPECT_FALSE(outcome.resumed);
-  // It is tried once; the next frame is a lost one as any.
+  // The FoundFrame is tried once; the next frame relocalizes as usual.
   EXPECT_EQ(rig.show(scene.look(walk(33))).state, TrackingState::kOk);
 }
 

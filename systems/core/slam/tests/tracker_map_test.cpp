@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// What a tracker gives to its map, and how it follows what others change there.
+// What a tracker adds to its map, and how it follows changes by others.
 #include "slam/tracker.hpp"
 
 #include <gtest/gtest.h>
@@ -49,7 +49,7 @@ TEST(Tracker, FollowsCorrectionsOfTheMap) {
   TrackerRig rig;
   TrajectoryRecorder recorder;
   for (int i = 0; i < 40; ++i) recorder.add(i / 30.0, rig.show(scene.look(walk(i))));
-  // Somebody found out that the world is turned and somewhere else.
+  // The whole world is rotated and shifted.
   const SE3 T_new_old(
       Eigen::AngleAxisd(0.6, Eigen::Vector3d(1, 2, 3).normalized()).toRotationMatrix(), {3, -2, 5});
   const MapDelta correction = rig.map->read([&](const MapView& view) {
@@ -102,7 +102,7 @@ TEST(Tracker, StartsInTheWorldOfAnotherMap) {
     ASSERT_EQ(outcome.state, TrackingState::kOk);
     EXPECT_LT(center_error(outcome.T_cw, walk(i)), 1e-3) << "frame " << i;
   }
-  rig.show(scene.nothing());  // starts over, at the same pose
+  rig.show(scene.nothing());  // resets, and starts at the same pose
   const TrackOutcome again = rig.show(scene.look(walk(0)));
   ASSERT_TRUE(again.initialized_now);
   EXPECT_LT(center_error(again.T_cw, walk(0)), 1e-9);

@@ -8,7 +8,7 @@
 
 namespace slambed::testing {
 
-/// A tracker that makes keyframes whenever it may, but no mapper: the map is what it saw itself.
+/// A tracker that makes keyframes whenever it may, without a mapper.
 class TrackerRig {
  public:
   explicit TrackerRig(TrackerOptions options = {})

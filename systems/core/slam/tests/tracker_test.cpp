@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Frame after frame, on a world whose truth is known.
+// Frame-to-frame tracking in a world with known ground truth.
 #include "slam/tracker.hpp"
 
 #include <gtest/gtest.h>
@@ -123,7 +123,7 @@ TEST(Tracker, WordsHaveTheLastWordWithoutTheSecondLook) {
       tracker.track(i, i / 30.0, scene.look(walk(i)));
       if (i == 0) tracker.create_keyframe();
     }
-    // A kick, and few features, whose words are mostly others.
+    // A kick, and few features, most of which get different words.
     const SE3 kick(Eigen::AngleAxisd(0.2, Eigen::Vector3d::UnitY()).toRotationMatrix(), {0, 0, 0});
     const TrackOutcome outcome =
         tracker.track(10, 10 / 30.0, scene.look(kick * walk(10), {.flipped_bits = 40}, 60));

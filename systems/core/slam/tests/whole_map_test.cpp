@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// What takes longer the larger the map is does not keep tracking out of it meanwhile.
+// Work that grows with the map does not block tracking.
 #include <gtest/gtest.h>
 
 #include <pthread.h>
@@ -25,7 +25,7 @@ namespace {
 
 constexpr std::uint64_t kKeyFrames = 30, kPointsEach = 200;
 
-/// Each keyframe sees points of its own and those of the one before it.
+/// Each keyframe sees its own points and those of the previous one.
 void fill(Map& map) {
   MapDelta delta;
   for (std::uint64_t n = 1; n <= kKeyFrames * kPointsEach; ++n)
@@ -48,7 +48,7 @@ TEST(WholeMap, OthersChangeItWhileItIsCollectedForABundle) {
   ASSERT_EQ(before.points.size(), kKeyFrames * kPointsEach);
   EXPECT_EQ(before.keyframes.back(), kf(1)) << "the origin";
   EXPECT_EQ(before.problem.observations.size(), (2 * kKeyFrames - 1) * kPointsEach);
-  // Both ends of the map are always at one place, but for who looks at them one after the other.
+  // Both ends of the map always move together; two separate reads would see them apart.
   BusyWriter writer(map, [](std::uint32_t number) {
     const Eigen::Vector3d place(number, 0, 2);
     MapDelta delta;
@@ -64,7 +64,7 @@ TEST(WholeMap, OthersChangeItWhileItIsCollectedForABundle) {
 TEST(WholeMap, WhatComesAndGoesWhileItIsCollectedLeavesAProblemThatCanBeSolved) {
   Map map;
   fill(map);
-  // A keyframe and its points come and go again and again.
+  // A keyframe and its points are added and removed repeatedly.
   BusyWriter writer(map, [](std::uint32_t number) {
     MapDelta delta;
     const std::uint64_t fresh = kKeyFrames * kPointsEach + number * 10;
@@ -97,14 +97,14 @@ TEST(WholeMap, WhatComesAndGoesWhileItIsCollectedLeavesAProblemThatCanBeSolved) 
 
 using Nanoseconds = std::chrono::nanoseconds;
 
-/// CPU time that the thread has used whose clock this is.
+/// CPU time used by the thread with this clock.
 Nanoseconds used(clockid_t clock) {
   timespec time{};
   clock_gettime(clock, &time);
   return std::chrono::seconds(time.tv_sec) + Nanoseconds(time.tv_nsec);
 }
 
-/// Whether a thread of this process sleeps, in a lock say.
+/// True if a thread of this process sleeps, for example on a lock.
 bool sleeps(pid_t thread) {
   std::ifstream stat("/proc/self/task/" + std::to_string(thread) + "/stat");
   const std::string line{std::istreambuf_iterator<char>(stat), {}};
@@ -112,7 +112,7 @@ bool sleeps(pid_t thread) {
   return name_ends != std::string::npos && line.compare(name_ends, 3, ") S") == 0;
 }
 
-/// Until it is opened one reads the map and another waits to change it: nobody else gets at it.
+/// Blocks a map until it is opened: one thread reads it and another waits to change it.
 class ClosedMap {
  public:
   explicit ClosedMap(Map& map)
@@ -165,7 +165,7 @@ TEST(WholeMap, PlacesAreSearchedWhileNobodyGetsAtIt) {
   });
   clockid_t clock{};
   pthread_getcpuclockid(search.native_handle(), &clock);
-  // Waiting for the map takes no time of a CPU, searching does.
+  // Waiting for the map uses no CPU time, searching does.
   EXPECT_TRUE(BusyWriter::until([&] {
     const Nanoseconds start = begun;
     return start > Nanoseconds::zero() && used(clock) - start > whole / 2;

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// A camera that moves far between two frames: poses without a prediction.
+// Large motion between two frames: poses without a prediction.
 #include <gtest/gtest.h>
 
 #include "slam/local_mapper.hpp"
@@ -16,7 +16,7 @@ SE3 turned(double yaw_rad, const Eigen::Vector3d& center) {
       .inverse();
 }
 
-/// The points of a map that one view made, and frames to be found among them.
+/// The points of a one-view map, and frames to locate among them.
 class WideSearchTest : public ::testing::Test {
  protected:
   void make_map(const SE3& T_cw) {
@@ -54,7 +54,7 @@ TEST_F(WideSearchTest, FindsAViewThatSharesAFifthOfTheImage) {
 TEST_F(WideSearchTest, NearlyHalfOfTheMatchesMayBeWrong) {
   make_map(turned(0, {0, 0, -1}));
   const SE3 truth = turned(0.3, {0.2, 0, -0.9});
-  for (const double depth_limit_m : {1e9, 0.0}) {  // with depth, and as a single camera would
+  for (const double depth_limit_m : {1e9, 0.0}) {  // with depth, and monocular
     ASSERT_TRUE(locate(scene.look(truth, {.pixel_noise = 0.5,
                                           .depth_noise = 0.01,
                                           .flipped_bits = 20,

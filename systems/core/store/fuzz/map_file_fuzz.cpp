@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// A map file whose checksum is right and whose content is anything: a usable map, or refused.
+// A map file with a valid checksum and any content must give a usable map or be refused.
 #include <zlib.h>
 
 #include "base/error.hpp"

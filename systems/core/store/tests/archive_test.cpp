@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The map of an earlier trip beside a new trip whose ids begin at one again.
+// The map of an earlier trip together with a new trip whose ids start at one again.
 #include "store/archive.hpp"
 
 #include <gtest/gtest.h>
@@ -63,7 +63,7 @@ TEST_F(ArchiveTest, TakesTheKeyFramesOfANewTrip) {
   EXPECT_EQ(count(), before + 1);
   EXPECT_TRUE(known(*archived, first.keyframes[0].id));
 
-  // And the mapper that works there names nothing as the archive does.
+  // A mapper on the archive does not reuse its ids.
   LocalMapper mapper({}, archived, IdSpace::kEdgeMapper);
   const auto ids = archived->read([](const MapView& view) { return view.point_ids(); });
   mapper.insert(archived->read([](const MapView& view) { return view.keyframe_ids().back(); }));

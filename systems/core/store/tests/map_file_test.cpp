@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Map files: the same map comes back, and nothing damaged is ever taken for one.
+// Map files: a map survives the round trip, and damaged files are refused.
 #include "store/map_file.hpp"
 
 #include <gtest/gtest.h>
@@ -16,7 +16,7 @@
 namespace slambed::testing {
 namespace {
 
-/// What the codec may lose: pixels and depth a little, positions to 32 bits.
+/// Precision that the codec may lose: positions to 32 bits, pixels and depth a little.
 constexpr double kPositionTolerance_m = 1e-5, kPixelTolerance = 0.01;
 
 void expect_same(const MapView& a, const MapView& b) {
@@ -154,7 +154,7 @@ TEST_F(MapFile, DamageUnderARightChecksumIsRefusedOrHarmless) {
     for (std::uint32_t n = 1 + random() % 4; n > 0; --n)
       bad[20 + random() % (bad.size() - 20)] = static_cast<std::uint8_t>(random());
     try {
-      // What is taken for a map must be usable as one.
+      // A file that is accepted must give a usable map.
       const StoredMap loaded = decode_map(with_right_checksum(bad), "bad");
       loaded.map->read([](const MapView& view) { return snapshot(view).points.size(); });
     } catch (const Error& error) {
@@ -167,7 +167,7 @@ TEST_F(MapFile, DamageUnderARightChecksumIsRefusedOrHarmless) {
 
 TEST_F(MapFile, InconsistentMapsAreRefused) {
   make_map(8, 60);
-  // A map never holds such things itself, so the file is made by hand.
+  // A map cannot hold such content, so the file is made by hand.
   wire::ByteWriter body;
   wire::put_sensor(body, info.sensor);
   body.text(info.sequence);

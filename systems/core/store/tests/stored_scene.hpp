@@ -14,7 +14,7 @@
 
 namespace slambed::testing {
 
-/// A map made by tracking and mapping a walk, with what a file says about it.
+/// A map made by tracking and mapping a walk, with the metadata of its file.
 class StoredScene : public ::testing::Test {
  protected:
   StoredScene()

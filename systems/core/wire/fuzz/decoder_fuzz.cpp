@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// One decoder, named by decoder_name.cpp: whatever bytes come, it returns a message or throws
-// DecodeError. The first byte says whether the rest edits a valid message or is the message.
+// Fuzzes the decoder that decoder_name.cpp names: for any bytes it must return a message or throw
+// DecodeError. The first byte selects whether the rest edits a valid message or is the message.
 #include <cstdlib>
 #include <cstring>
 
@@ -9,7 +9,7 @@
 namespace slambed::wire {
 
 extern const char* const kFuzzedDecoder;
-/// Those of a floor or a system.
+/// The decoders of a core layer or of a system.
 extern std::vector<Target> fuzzed_targets();
 
 namespace {
@@ -19,11 +19,11 @@ const Target& chosen() {
   for (const Target& target : all) {
     if (std::strcmp(target.name, kFuzzedDecoder) == 0) return target;
   }
-  std::abort();  // none of this name among them
+  std::abort();  // no decoder has this name
 }
 
-/// Groups of four bytes (place in three, value) replace single bytes of a valid message, so that
-/// the depths of the format are reached without a corpus; what is left over is appended.
+/// Each group of four input bytes (a 24-bit offset, a value) replaces one byte of a valid message.
+/// Thus fuzzing reaches deep into the format without a corpus. Remaining bytes are appended.
 Bytes edited(Bytes valid, std::span<const std::uint8_t> edits) {
   for (; edits.size() >= 4; edits = edits.subspan(4)) {
     const std::size_t place = edits[0] | edits[1] << 8 | edits[2] << 16;

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// All that the fuzz programs of one floor do not share: the name of their decoder.
+// The fuzz programs of one layer differ only in the name of their decoder.
 namespace slambed::wire {
 
 extern const char* const kFuzzedDecoder;

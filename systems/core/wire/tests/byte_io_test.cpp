@@ -89,7 +89,7 @@ TEST(IdStream, IdsOutOfRangeAreRefused) {
   };
   refuse((kMaxIdIndex * 2) << 2 | 1);  // index 2^26
   refuse(~0ull);
-  refuse(3 << 2 | 1);  // one below zero
+  refuse(3 << 2 | 1);  // a negative index
   refuse(2 << 2);      // space 0
   ByteWriter none;
   none.varint(0);

@@ -152,7 +152,7 @@ TEST_F(Codec, FreshPointsAreMadeAgainFromTheirFeatures) {
     EXPECT_EQ(b.found, 1u);
     EXPECT_EQ(b.version, 0u);
   }
-  // Sent on they change no more.
+  // Quantizing a second time changes nothing.
   const Bytes again = encode(back, FreshPoints::kDerived);
   const MapDelta twice = decode_delta(again, sensor);
   for (std::size_t i = 0; i < back.points.size(); ++i)
@@ -163,7 +163,7 @@ TEST_F(Codec, AFreshPointCostsItsIdAndAChangedOneAllOfItself) {
   MapDelta delta = fresh_keyframe(random, sensor, 400, 300);
   const std::size_t size = encode(delta, FreshPoints::kDerived).size();
   EXPECT_LT(size, 400 * kFeatureBytes + 300 * (2 + 4) + 200);
-  EXPECT_GT(encode(delta).size(), size + 300 * 20);  // where no position may be off
+  EXPECT_GT(encode(delta).size(), size + 300 * 20);  // without derived points
   const auto cost_of = [&](auto change) {
     MapDelta changed = delta;
     change(changed.points[7]);
@@ -179,7 +179,7 @@ TEST_F(Codec, AFreshPointCostsItsIdAndAChangedOneAllOfItself) {
 
 TEST_F(Codec, FewBytesCannotAskForManyPoints) {
   MapDelta delta = fresh_keyframe(random, sensor, 20, 5);
-  for (NewPoint& point : delta.points) point.version = 1;  // they count as others
+  for (NewPoint& point : delta.points) point.version = 1;  // makes them not fresh
   const NewPoint one = delta.points.front();
   delta.points.clear();
   Bytes bytes = encode(delta);
@@ -189,7 +189,7 @@ TEST_F(Codec, FewBytesCannotAskForManyPoints) {
       std::mismatch(bytes.begin(), bytes.end(), with_one.begin()).first - bytes.begin());
   ASSERT_EQ(bytes[place], 0);  // the number of points
   bytes[place] = 100;
-  bytes.resize(bytes.size() + 400);  // enough for 100 fresh ones, but five features see any
+  bytes.resize(bytes.size() + 400);  // enough for 100 fresh points, but only 5 features have one
   EXPECT_THROW(decode_delta(bytes, sensor), DecodeError);
 }
 
@@ -273,7 +273,7 @@ TEST_F(Codec, OnlyAMapThatStartsComesAsTwoKeyFrames) {
   other.first = false;
   EXPECT_THROW(encode(other), Error);
   other = two;
-  other.keyframe = keyframe_id(39);  // the earlier one names it
+  other.keyframe = keyframe_id(39);  // the id of the earlier one
   EXPECT_THROW(decode_keyframe(encode(other), single), DecodeError);
   other = two;
   other.delta.keyframes.push_back(two.delta.keyframes.back());
@@ -284,7 +284,7 @@ TEST_F(Codec, OnlyAMapThatStartsComesAsTwoKeyFrames) {
 
 TEST_F(Codec, MessagesThatContradictThemselvesAreRefused) {
   KeyFrameMessage keyframe;
-  keyframe.keyframe = keyframe_id(41);  // not the one inside
+  keyframe.keyframe = keyframe_id(41);  // not the id of the keyframe inside
   keyframe.delta = example_keyframe(random, sensor, 50, 10, 10);
   EXPECT_THROW(decode_keyframe(encode(keyframe), sensor), DecodeError);
   MapUpdate empty;
@@ -296,7 +296,7 @@ TEST_F(Codec, MessagesThatContradictThemselvesAreRefused) {
     return info.make_sensor();
   }();
   keyframe.keyframe = keyframe_id(40);
-  EXPECT_THROW(decode_keyframe(encode(keyframe), coarse), DecodeError);  // octave 7 of 2
+  EXPECT_THROW(decode_keyframe(encode(keyframe), coarse), DecodeError);  // octaves above level 1
 }
 
 TEST(Hello, ComesBackAndKnowsItsPeer) {

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The text form of Edge-SLAM's messages: nothing is lost, and it is as large as theirs.
+// The text form of Edge-SLAM's messages is lossless and as large as theirs.
 #include "wire/compatibility_codec.hpp"
 
 #include <gtest/gtest.h>
@@ -15,7 +15,7 @@ namespace {
 
 class Compatibility : public ::testing::Test {
  protected:
-  /// A keyframe with new points and, by value, as many known ones.
+  /// A keyframe with new points. Adds its known points to `known`, to be written by value.
   KeyFrameMessage keyframe(int features, int known_points, int fresh) {
     KeyFrameMessage message;
     message.keyframe = keyframe_id(40);
@@ -110,8 +110,8 @@ TEST_F(Compatibility, TheTwoKeyFramesThatASingleCamerasMapBeginsWithCross) {
     EXPECT_EQ(came.delta.keyframes[k].id, sent.delta.keyframes[k].id);
     EXPECT_EQ(came.delta.keyframes[k].points, sent.delta.keyframes[k].points);
   }
-  ASSERT_EQ(came.delta.points.size(), sent.delta.points.size());  // each once
-  // A map that starts again needs one alone.
+  ASSERT_EQ(came.delta.points.size(), sent.delta.points.size());  // each point once
+  // A message that restarts a map contains one keyframe.
   sent.delta.keyframes.erase(sent.delta.keyframes.begin());
   EXPECT_EQ(decode_keyframe_text(encode_text(sent, {}, *vocabulary), sensor).delta.keyframes.size(),
             1u);
@@ -130,7 +130,7 @@ TEST_F(Compatibility, UpdateHoldsEachPointOnce) {
   update.newest_past_probation = keyframe_id(37);
   update.times = {RunTime(1), RunTime(2), RunTime(3), RunTime(4), RunTime(5), RunTime(6)};
   update.map = keyframe(60, 0, 40).delta;
-  update.map.keyframes.push_back(update.map.keyframes[0]);  // sees the same points
+  update.map.keyframes.push_back(update.map.keyframes[0]);  // observes the same points
   update.map.keyframes[1].id = keyframe_id(41);
   update.poses = {{keyframe_id(1), SE3(), 3}};
   const auto back = decode_update_text(encode_text(update, *vocabulary), sensor);
@@ -180,7 +180,7 @@ TEST_F(Compatibility, MessagesAreAsLargeAsEdgeSlams) {
 
 TEST_F(Compatibility, ContradictionsAreRefused) {
   KeyFrameMessage message = keyframe(50, 10, 10);
-  message.keyframe = keyframe_id(41);  // not the one inside
+  message.keyframe = keyframe_id(41);  // not the id of the keyframe inside
   EXPECT_THROW(decode_keyframe_text(encode_text(message, known, *vocabulary), sensor), DecodeError);
   message.keyframe = keyframe_id(40);
   SensorInfo coarse = example_camera();
@@ -210,7 +210,7 @@ TEST_F(Compatibility, DirectTextIsThatOfStreams) {
   EXPECT_EQ(encode_text(frame, *vocabulary, direct), encode_text(frame, *vocabulary));
 
   const auto read = [&](DirectText* means) { return decode_keyframe_text(text, sensor, means); };
-  // Binary keeps all that a message holds.
+  // The binary encoding compares all fields of the messages.
   EXPECT_EQ(encode(read(direct)), encode(read(nullptr)));
   const auto update_text = encode_text(update, *vocabulary);
   EXPECT_EQ(encode(decode_update_text(update_text, sensor, direct)),
@@ -231,7 +231,7 @@ TEST_F(Compatibility, FeaturesThatCameByBeforeAreNeitherReadNorWrittenAgain) {
   expect_equal(*once, *message.delta.keyframes[0].features);
   EXPECT_NE(once, message.delta.keyframes[0].features) << "what was written may be unreadable";
   EXPECT_EQ(read(text), once);
-  // What was read is written with its text.
+  // Features that were read are written again with the text they came from.
   FrameMessage frame{7, 0.25, once};
   EXPECT_EQ(encode_text(frame, *vocabulary, &kept), encode_text(frame, *vocabulary));
 
@@ -239,7 +239,7 @@ TEST_F(Compatibility, FeaturesThatCameByBeforeAreNeitherReadNorWrittenAgain) {
   EXPECT_EQ(
       decode_keyframe_text(text, same_camera, &kept).delta.keyframes[0].features->sensor_ptr(),
       same_camera);
-  // Another digit makes other features.
+  // A text that differs in one digit gives other features.
   std::string changed(text.begin(), text.end());
   const std::size_t digit = changed.find('.', changed.find("raw ")) + 1;
   changed[digit] = changed[digit] == '5' ? '6' : '5';
@@ -287,7 +287,7 @@ TEST_F(Compatibility, TextsOfFeaturesDoNotFillTheMemory) {
   for (int i = 0; i < 5; ++i) {
     all.push_back(features(static_cast<float>(i)));
     text_of(all.back(), made);
-    text_of(all.front(), made);  // stays, for it is used
+    text_of(all.front(), made);  // stays in the cache because it is used
   }
   EXPECT_EQ(made, 5);
   EXPECT_EQ(all[1].use_count(), 1) << "the one not used for longest is gone";

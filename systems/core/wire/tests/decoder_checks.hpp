@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Bytes from a hostile or broken peer: a decoder returns a message or throws DecodeError. Run under
-// AddressSanitizer and UBSan these checks also show that nothing is read out of bounds.
+// Given bytes from a hostile or broken peer, a decoder returns a message or throws DecodeError.
+// Under AddressSanitizer and UBSan these checks also show that nothing is read out of bounds.
 #pragma once
 
 #include <gtest/gtest.h>
@@ -13,7 +13,7 @@
 
 namespace slambed::wire {
 
-/// True when the bytes were refused; any other exception fails the test.
+/// Returns true if the decoder threw DecodeError. Any other exception fails the test.
 inline bool refused(const Target& target, std::span<const std::uint8_t> bytes) {
   try {
     target.decode(bytes);
@@ -38,9 +38,9 @@ inline void refuse_every_truncation_and_extension(const std::vector<Target>& tar
   }
 }
 
-/// Every bit of a message that is not long. Of long ones, texts of many equal parts, as many bits
-/// as make the decoder read kMostRead bytes; the step is odd, so that each of a byte's eight bits
-/// has its turn.
+/// Flips every bit of a short message. In a long one, which is text with many equal parts, flips as
+/// many bits as let the decoder read about kMostRead bytes in all. The step is odd, so that all
+/// eight bit positions occur.
 inline void survive_flipped_bits(const std::vector<Target>& targets) {
   constexpr std::size_t kMostRead = 128u << 20;
   for (const Target& target : targets) {

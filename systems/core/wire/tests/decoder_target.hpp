@@ -8,7 +8,6 @@
 
 namespace slambed::wire {
 
-/// A decoder and a message that it takes.
 struct Target {
   const char* name;
   Bytes valid;

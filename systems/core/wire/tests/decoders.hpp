@@ -53,7 +53,7 @@ inline FrameResult example_frame_result() {
   return result;
 }
 
-/// The same messages as text, with few features: the grid alone makes them long.
+/// The same messages as text, with few features because the grid alone makes them long.
 inline std::vector<Target> text_targets(std::mt19937& random, const SensorPtr& sensor) {
   const auto vocabulary = default_vocabulary();
   KeyFrameMessage keyframe{.keyframe = keyframe_id(40),
@@ -67,12 +67,12 @@ inline std::vector<Target> text_targets(std::mt19937& random, const SensorPtr& s
                    .poses = {{keyframe_id(8), SE3(), 9}}};
   FrameMessage frame{3, 0.5, example_features(random, 5, sensor)};
   const RelocOk found = example_found(random, sensor, 6);
-  // What reads directly must stand the same, though streams have the last word.
+  // Direct reading must survive the same bytes; the result of the streams decides.
   const auto both = [](auto decode) {
     return [=, direct = std::make_shared<DirectText>()](auto bytes) {
       try {
         decode(bytes, direct.get());
-      } catch (const DecodeError&) {  // and streams?
+      } catch (const DecodeError&) {  // the streams must refuse it too
       }
       decode(bytes, nullptr);
     };
@@ -91,7 +91,7 @@ inline std::vector<Target> text_targets(std::mt19937& random, const SensorPtr& s
   };
 }
 
-/// Every decoder of this floor with a valid message.
+/// Every decoder of this layer with a valid message.
 inline std::vector<Target> targets() {
   std::mt19937 random(11);
   const auto sensor = example_camera().make_sensor();

@@ -19,7 +19,7 @@ inline SensorInfo example_camera() {
   return info;
 }
 
-/// A camera whose pictures are as small as those examples.
+/// A camera with images of 40x30 px, the size of the example masks in most tests.
 inline SensorPtr example_frame_camera() {
   SensorInfo info = example_camera();
   info.camera.width = 40;
@@ -59,7 +59,7 @@ inline MapPointId point_id(std::uint64_t index, IdSpace space = IdSpace::kTracke
   return {static_cast<std::uint64_t>(space) << 56 | index};
 }
 
-/// A keyframe that sees "known" points of before and makes "fresh" ones, as tracking would.
+/// A keyframe that observes `known` earlier points and creates `fresh` ones, as tracking does.
 inline MapDelta example_keyframe(std::mt19937& random, std::shared_ptr<const Sensor> sensor,
                                  int features, int known, int fresh) {
   MapDelta delta;
@@ -96,7 +96,7 @@ inline MapDelta example_keyframe(std::mt19937& random, std::shared_ptr<const Sen
   return delta;
 }
 
-/// A keyframe that makes a point of each of its first features with depth, as tracking does.
+/// A keyframe that creates `fresh` points from its first features with depth, as tracking does.
 inline MapDelta fresh_keyframe(std::mt19937& random, std::shared_ptr<const Sensor> sensor,
                                int features, int fresh) {
   MapDelta delta = example_keyframe(random, sensor, features, 0, 1);
@@ -117,8 +117,7 @@ inline MapDelta fresh_keyframe(std::mt19937& random, std::shared_ptr<const Senso
   return delta;
 }
 
-/// What a single camera's map begins with: two keyframes, and points that say nothing of how they
-/// look.
+/// The start of a monocular map: two keyframes, and points without appearance.
 inline MapDelta example_start(std::mt19937& random, std::shared_ptr<const Sensor> sensor) {
   MapDelta delta = example_keyframe(random, sensor, 30, 0, 12);
   delta.keyframes.push_back(delta.keyframes.front());
@@ -132,7 +131,7 @@ inline MapDelta example_start(std::mt19937& random, std::shared_ptr<const Sensor
 /// A delta with something in every list.
 inline MapDelta example_delta(std::mt19937& random, std::shared_ptr<const Sensor> sensor) {
   MapDelta delta = example_keyframe(random, sensor, 60, 20, 20);
-  NewPoint odd = delta.points.front();  // nothing of it follows from the keyframe
+  NewPoint odd = delta.points.front();  // nothing of it can be derived from the keyframe
   odd.id = point_id(7, IdSpace::kEdgeMapper);
   odd.appearance.descriptor = {1, 2, 3, 4};
   odd.appearance.min_distance_m = 0.125f;
@@ -153,7 +152,7 @@ inline MapDelta example_delta(std::mt19937& random, std::shared_ptr<const Sensor
   return delta;
 }
 
-/// Slopes, an edge and noise.
+/// An image of gradients, an edge and noise.
 inline GrayImage example_picture(int width, int height) {
   std::mt19937 random(3);
   GrayImage image{width, height, {}};

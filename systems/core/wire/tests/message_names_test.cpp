@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Numbers and names of messages: the core's stand, a system's own join them, and nobody's clash.
+// The core's message numbers and names are fixed, a system may add its own, and none may clash.
 #include "wire/message_names.hpp"
 
 #include <gtest/gtest.h>
@@ -43,7 +43,7 @@ TEST(MessageNames, ASystemsOwnJoinThem) {
   const MessageNames names(std::array{kOwn});
   EXPECT_EQ(type_of(kOwn["GOODBYE"]), 130);
   EXPECT_EQ(names[128], "HELLO");
-  EXPECT_EQ(names[129], "UNKNOWN");  // one that is no longer sent
+  EXPECT_EQ(names[129], "UNKNOWN");  // the number of a removed type
   EXPECT_EQ(names[130], "GOODBYE");
   EXPECT_EQ(names[1], "KEYFRAME");
 }

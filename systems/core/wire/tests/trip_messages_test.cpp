@@ -14,7 +14,7 @@ namespace {
 
 using namespace std::chrono_literals;
 
-/// FrameHeader::kSize, of a floor above this one.
+/// FrameHeader::kSize, which is in a layer above this one.
 constexpr std::size_t kHeader_bytes = 44;
 
 PoseAnswer example() {
@@ -46,7 +46,7 @@ TEST(PoseAnswer, ComesBackWithinATenthOfAMillimetre) {
 
 TEST(PoseAnswer, WhatIsNoPoseIsTold) {
   const Bytes good = encode(example());
-  // Seven floats, behind id (5 bytes here) and matches.
+  // Seven floats follow the id (5 bytes here) and the matches.
   const auto with = [&](std::size_t place, float value) {
     Bytes bytes = good;
     std::memcpy(bytes.data() + 7 + 4 * place, &value, sizeof value);
