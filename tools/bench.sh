@@ -1,7 +1,7 @@
 #!/bin/bash
 # SPDX-License-Identifier: Apache-2.0
 # bench.sh: builds and runs every Google Benchmark program and the map growth benchmark. Results are in
-# build-bench/*.json, medians.md, history.jsonl and growth.csv; docs/benchmarks.md is updated by hand.
+# build-bench/*.json, medians.md, history.jsonl and growth.csv; docs/logbook is updated by hand.
 set -euo pipefail
 
 cd "$(dirname "$0")/.."

@@ -2,8 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Compares the benchmarks of this checkout with those of another commit, the yardstick.
 
-Both alternate, so that each pair meets the same load of the host. docs/benchmarks.md, "Against a
-yardstick", describes how a slow-down is judged.
+Both alternate, so that each pair meets the same load of the host. docs/how-to/benchmark.md
+describes how a slow-down is judged.
 """
 
 import argparse

@@ -1,5 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Plays campaigns of short runs with injected faults, until N faults have struck (docs/testing.md).
+"""Plays campaigns of short runs with injected faults, until N faults have struck.
+
+docs/how-to/run-sanitizers-and-fuzzers.md has examples.
 
     tools/chaos.py virtual|dask|live|docker --faults N [--seed N] [--jobs 2,8,32] [--clock]
         [--user root|other|both] [--log FILE]

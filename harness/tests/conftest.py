@@ -3,7 +3,7 @@
 
 Home and cache are empty private folders, like a new user's home, and recordings next to the
 checkout are ignored. Tests that need recordings or a browser are marked and run only with
-`--recordings` or `--browser`. docs/testing.md describes the kinds of tests.
+`--recordings` or `--browser`. docs/how-to/test-a-change.md describes the kinds of tests.
 """
 
 import contextlib

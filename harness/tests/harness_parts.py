@@ -40,8 +40,8 @@ TOLERANCES = {
     "host_stall_ms_max": 100.0,
     "cpu_wait_share_max": 0.9,
 }
-"""For live tests that do not test the accuracy of the link. docs/testing.md has measurements on
-a quiet and on a late host."""
+"""For live tests that do not test the accuracy of the link. Measurements on a quiet and on a late
+host are in docs/logbook/2026-11-25-test-durations.md."""
 OF_THE_HOST = re.compile(
     "RTT error|RTT probes came back|stalled the mobile node|waited for a processor"
 )

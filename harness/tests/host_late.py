@@ -7,7 +7,8 @@ campaign. These fixtures are set up again before a repetition; pytest-rerunfailu
 and test the same disturbed campaign again. On a host in time a failure counts at once, and so does
 a test that exceeded its time limit, which no stall explains.
 
-conftest.py registers the plugin. docs/testing.md describes how else a host can disturb tests.
+conftest.py registers the plugin. docs/how-to/test-a-change.md describes how else a host can disturb
+tests.
 """
 
 import json
