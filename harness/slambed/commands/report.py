@@ -269,6 +269,7 @@ def evaluate(
         bool, typer.Option("--with-scale", help="Align with scale, Sim(3); the output names it.")
     ] = False,
     delta_s: Annotated[float, typer.Option(help="RPE: seconds between the poses of a pair.")] = 1.0,
+    as_json: JsonOption = False,
 ) -> None:
     """Compute ATE and RPE of a trajectory file against ground truth."""
     from slambed.data.trajectory import read_tum

@@ -39,8 +39,10 @@ DRAIN_S = 30.0
 """Virtual time after the last frame that the link's tables cover."""
 LEAST_LIMIT_S = 120.0
 LIMIT_FACTOR = 20.0
-"""CPU time limit as a multiple of the played time, on top of LEAST_LIMIT_S; a run that exceeds
-it hangs."""
+"""Limits of CPU time and of virtual time as a multiple of the played time, on top of LEAST_LIMIT_S;
+a run that exceeds one of them hangs."""
+LONGEST_S = 1e6
+"""Largest limit that slambed-sim accepts."""
 WATCH_PERIOD_S = 0.25
 CACHE_BYTES = 4 << 30
 """Maximum size of feature and image caches; the least recently used ones are removed first."""
@@ -55,7 +57,9 @@ SEEN_FROM = (QUALITY, "full_offload")
 """Parameters that decide whether features are extracted from raw or JPEG pictures."""
 
 
-def sim_config(spec: RunSpec, horizon_s: float, features: Path | None) -> SimConfig:
+def sim_config(
+    spec: RunSpec, horizon_s: float, features: Path | None, limit_s: float | None = None
+) -> SimConfig:
     """Returns the simulated environment of the nodes (docs/reference/run-folder.md, "Virtual
     run")."""
     link: ModeledLink | None = None
@@ -73,6 +77,7 @@ def sim_config(spec: RunSpec, horizon_s: float, features: Path | None) -> SimCon
         link=link,
         edge_frozen_s=[(f.at_s, f.end_s) for f in spec.faults if f.edge == "freeze"],
         feature_cache=CacheFile(path=str(features), key=feature_key(spec)) if features else None,
+        limit_s=limit_s,
     )
     if spec.masks is not None:
         masks = [
@@ -158,7 +163,12 @@ class VirtualRun:
         config = run_config(self.spec, str(self.sequence.resolve()), ".", self.played_s + DRAIN_S)
         (self.run_dir / "run.json").write_text(json.dumps(config.as_json(), indent=1))
         features = feature_file(self.features, self.spec).resolve() if self.features else None
-        world = sim_config(self.spec, self.played_s + DRAIN_S, features)
+        world = sim_config(
+            self.spec,
+            self.played_s + DRAIN_S,
+            features,
+            min(LEAST_LIMIT_S + LIMIT_FACTOR * self.played_s, LONGEST_S),
+        )
         (self.run_dir / "sim.json").write_text(json.dumps(world.as_json()))
         if self.spec.link is not None:
             profile = parse_profile(self.spec.link.content, f"profile {self.spec.link.profile}")
@@ -198,13 +208,20 @@ class VirtualRun:
     def _reason(self, code: int | None) -> str:
         if code is None:
             return f"{SIMULATION} had not finished after {self._limit_s():.0f} s of CPU time"
-        return f"{SIMULATION}: {ending(code)}: {last_line(self.run_dir / 'log.txt')}"
+        last_words = last_line(self.run_dir / "log.txt")
+        if code == ExitCode.PEER:
+            return last_words.removeprefix("error: ")
+        return f"{SIMULATION}: {ending(code)}: {last_words}"
 
 
 def _outcome(code: int | None) -> Outcome:
     if code is None:
         return "timed_out"
-    known: dict[int, Outcome] = {0: "completed", int(ExitCode.BAD_INPUT): "refused"}
+    known: dict[int, Outcome] = {
+        0: "completed",
+        int(ExitCode.BAD_INPUT): "refused",
+        int(ExitCode.PEER): "timed_out",
+    }
     return known.get(code, "died")
 
 

@@ -61,3 +61,6 @@ class SimConfig(Record):
     encoded when it is sent (`sequence/image_source.hpp`). Created like the feature cache."""
     mask_caches: list[MaskFile] | None = None
     """Only for systems with segmentation: the masks of those pictures."""
+    limit_s: float | None = None
+    """Virtual time at which a run is stopped that has not ended, for example because its nodes
+    never connect. The run has then timed out."""

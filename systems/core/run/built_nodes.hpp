@@ -44,6 +44,8 @@ class BuiltMobile {
               const PlayedSequence& played, const MobileSurroundings& around);
 
   void start() { node_.start(); }
+  /// Frames offered to tracking so far.
+  std::size_t offered() const { return feed_->offered(); }
   /// Call after the runtime has joined. Writes trajectories and, if configured, the map.
   NodeEnd leave(const std::filesystem::path& folder);
 

@@ -70,6 +70,11 @@ SimConfig read_sim_config(const std::filesystem::path& path) {
     }
     config.edge_frozen.push_back({from_seconds(span[0]), from_seconds(span[1])});
   }
+  if (in.has("limit_s")) {
+    const double limit_s = in.number("limit_s");
+    if (!(limit_s > 0 && limit_s <= kLongest_s)) in.fail("limit_s", "must be above 0, at most 1e6");
+    config.limit = from_seconds(limit_s);
+  }
   if (const auto* cache = in.object_or_null("feature_cache"))
     config.features = read_cache(*cache, where + "feature_cache.");
   if (in.has("image_cache"))

@@ -30,6 +30,7 @@ struct SimConfig {
   std::optional<DeviceModel> edge;  ///< present if there is a network
   LinkModel link;
   std::vector<std::pair<RunTime, RunTime>> edge_frozen;  ///< [begin, end) of each edge freeze
+  std::optional<RunTime> limit;  ///< virtual time at which a run is stopped that has not ended
   struct Cache {
     std::filesystem::path path;
     std::string key;

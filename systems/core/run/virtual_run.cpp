@@ -3,6 +3,7 @@
 
 #include <memory>
 #include <optional>
+#include <string>
 
 #include "base/error.hpp"
 #include "node/edge_node.hpp"
@@ -79,6 +80,7 @@ class VirtualRun {
         });
       }
     }
+    if (config_.limit) simulator_.at_background(*config_.limit, [this] { stop_at_limit(); });
     mobile_node_->start();
     if (edge_node_) edge_node_->start();
     simulator_.run();
@@ -86,6 +88,7 @@ class VirtualRun {
     mobile_.runtime.join();
     if (edge_) edge_->runtime.join();
     finish();
+    if (limit_reached_) throw Error(ExitCode::kPeer, limit_text());
   }
 
  private:
@@ -162,6 +165,21 @@ class VirtualRun {
     return std::make_unique<LeveledFeatures>(std::move(by_levels), orb.levels);
   }
 
+  /// Ends both nodes, so that they still write their files.
+  void stop_at_limit() {
+    limit_reached_ = true;
+    mobile_.runtime.stop();
+    if (edge_) edge_->runtime.stop();
+  }
+
+  std::string limit_text() const {
+    const std::string limit = std::to_string(static_cast<long long>(to_seconds(*config_.limit)));
+    const std::string offered = std::to_string(mobile_node_->offered());
+    return "stopped at the limit of " + limit + " s of virtual time, after " + offered + " of " +
+           std::to_string(played_.playlist.frames().size()) + " frames" +
+           (edge_ ? "; events.jsonl shows when the nodes were connected" : "");
+  }
+
   void finish() {
     mobile_.end(mobile_node_->leave(mobile_.folder));
     if (edge_) edge_->end(leave(*edge_node_, edge_->folder));
@@ -182,6 +200,7 @@ class VirtualRun {
   std::unique_ptr<PictureFeatures> pictures_;
   std::optional<EdgeNode> edge_node_;
   std::optional<BuiltMobile> mobile_node_;
+  bool limit_reached_ = false;
 };
 
 }  // namespace
