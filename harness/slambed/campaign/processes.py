@@ -30,6 +30,8 @@ from slambed.spec.run_spec import RunSpec
 
 LOOK_EVERY_S = 0.2
 DYING_S = 3.0
+SIGNAL_S = 0.5
+"""Time within which a campaign has noticed a signal that also ended one of its workers."""
 MOST_RUNS = 100
 """Runs per worker process, which bounds memory leaks of libraries."""
 CONTEXT = multiprocessing.get_context("forkserver")
@@ -129,6 +131,9 @@ class ProcessExecutor:
             answer = worker.execute(task, stop)
         except LOST:
             worker.kill()
+            # A signal to the whole process group ends the worker before the campaign handles it.
+            if stop.wait(SIGNAL_S):
+                raise InterruptedRunError from None
             raise KilledError(
                 f"the process of run {spec.run_key} was killed; is there enough memory?"
             ) from None

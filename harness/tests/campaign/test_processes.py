@@ -31,6 +31,7 @@ from slambed.campaign.folder import ResultFolder
 from slambed.campaign.ledger import Ledger
 from slambed.campaign.processes import ProcessExecutor, Worker
 from slambed.campaign.runner import MOST_DEATHS, Runner
+from slambed.engines.result import InterruptedRunError
 from slambed.engines.virtual import NICE, go_behind
 from slambed.errors import ExitCode, KilledError, PassingError, SlambedError
 from slambed.metrics.summary import Summary
@@ -436,3 +437,19 @@ def test_a_run_that_fails_leaves_its_process_to_the_next(tmp_path: Path) -> None
     before = processes_of(executor)
     assert executor.execute(spec, tmp_path / "raw", never).valid
     assert len(before) == 1 and processes_of(executor) == before
+
+
+def test_a_signal_to_the_whole_process_group_is_an_interruption(tmp_path: Path) -> None:
+    """It ends the worker before the campaign has handled it."""
+    executor = runner(tmp_path, 1).executor
+    (tmp_path / "raw").mkdir()
+    (spec,) = runs(1, params={"sim_sleep_s": 60.0})
+    stop = threading.Event()
+
+    def strike() -> None:
+        (simulation,) = until(lambda: simulations(tmp_path), "the simulation")
+        psutil.Process(simulation.ppid()).terminate()
+        stop.set()
+
+    with in_background(strike), pytest.raises(InterruptedRunError):
+        executor.execute(spec, tmp_path / "raw", stop)
