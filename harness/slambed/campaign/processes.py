@@ -14,10 +14,12 @@ import signal
 import sys
 import threading
 import traceback
-from contextlib import suppress
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
 from multiprocessing.connection import Connection, wait
 from pathlib import Path
+from types import ModuleType
 
 from slambed.campaign import server_folder
 from slambed.campaign.executors import Played
@@ -36,6 +38,20 @@ CONTEXT = multiprocessing.get_context("forkserver")
 CONTEXT.set_forkserver_preload(["slambed.campaign.preload"])
 LOST = (EOFError, ConnectionError)
 """What a pipe says whose other end is gone."""
+_starting = threading.Lock()
+
+
+@contextmanager
+def _without_main() -> Iterator[None]:
+    """For the start of a process: it would import the program that calls us, as multiprocessing
+    does, and a program that calls `slambed.run` would begin again in there. It needs none of it."""
+    with _starting:
+        main = sys.modules["__main__"]
+        sys.modules["__main__"] = ModuleType("__main__")
+        try:
+            yield
+        finally:
+            sys.modules["__main__"] = main
 
 
 def serve(pipe: Connection) -> None:
@@ -71,7 +87,8 @@ class Worker:
         self._pipe, theirs = CONTEXT.Pipe()
         with theirs:
             self._process = CONTEXT.Process(target=serve, args=(theirs,), daemon=True)
-            self._process.start()
+            with _without_main():
+                self._process.start()
         self._runs = 0
 
     @property

@@ -8,6 +8,7 @@ import random
 import shutil
 import signal
 import socket
+import subprocess
 import sys
 import tempfile
 import threading
@@ -435,3 +436,22 @@ def test_a_run_that_fails_leaves_its_process_to_the_next(tmp_path: Path) -> None
     before = processes_of(executor)
     assert executor.execute(spec, tmp_path / "raw", never).valid
     assert len(before) == 1 and processes_of(executor) == before
+
+
+def test_a_program_that_runs_an_experiment_is_not_begun_again_in_each_process(
+    tmp_path: Path,
+) -> None:
+    program = tmp_path / "sweep.py"
+    program.write_text(
+        "import threading\n"
+        "from slambed.campaign.processes import Worker\n"
+        "print('begun', flush=True)\n"
+        "worker = Worker()\n"
+        "print(type(worker.execute(None, threading.Event())).__name__)\n"
+        "worker.kill()\n"
+    )
+    done = subprocess.run(
+        [sys.executable, program], capture_output=True, text=True, timeout=60, check=False
+    )
+    # That no task is one is what the process answers.
+    assert done.stdout == "begun\nAttributeError\n", done.stderr
