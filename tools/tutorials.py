@@ -44,7 +44,7 @@ HOME = "/home/you"
 WIDEST_PX = 1000
 """Of a picture in docs/."""
 SETTINGS = {".png": [cv2.IMWRITE_PNG_COMPRESSION, 9], ".jpg": [cv2.IMWRITE_JPEG_QUALITY, 80]}
-LONGEST_S = 280
+LONGEST_S = 600
 """Of one command."""
 FENCE = re.compile(r"^```(?P<kind>\w*)(?: title=\"(?P<title>[^\"]+)\")?\s*$")
 PICTURE = re.compile(
@@ -163,6 +163,7 @@ class Player:
             **os.environ,
             "HOME": str(self.folder.parent),
             "PATH": f"{programs}:{os.environ['PATH']}",
+            "PYTHONPATH": str(ROOT / "harness"),
             "SLAMBED_CACHE": str(cache),
             "SLAMBED_DATA_BESIDE": "no",
             "NO_COLOR": "1",

@@ -50,6 +50,7 @@ def commands(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @needs_programs
+@pytest.mark.timeout(900)
 @pytest.mark.parametrize(
     "page",
     [
@@ -86,6 +87,7 @@ def test_every_picture_of_a_tutorial_is_made_by_it_and_small() -> None:
     for page in PLAYED:
         shown = page.read_text(encoding="utf-8").count("\n![")
         assert shown == len(TOOL.pictures(page)), page.name
+        assert all(picture.is_file() for _, picture in TOOL.pictures(page)), page.name
     for picture in (DOCS / "pictures").iterdir():
         assert picture.stat().st_size <= MOST_BYTES, picture.name
 
@@ -136,6 +138,20 @@ def test_an_output_is_renewed_where_it_is_another_one() -> None:
     same, other = block.commands
     same.printed, other.printed = "much\nkept (9 s; 8 s left)\n", "new  \n"
     assert TOOL.renewed(block) == ["$ a", "...", "kept (3 s; 2 s left)", "$ b", "new"]
+
+
+@pytest.mark.parametrize(
+    ("shown", "renewed"),
+    [
+        ("old\n", ["first", "table", "1 2", "last"]),
+        ("...\nold\n", ["...", "last"]),
+        ("old\n...\n", ["first", "..."]),
+        ("old\n...\ntable\n9 9\n...\nold\n", ["first", "...", "table", "1 2", "...", "last"]),
+        ("...\nanother table\n9 9\n...\nold\n", ["first", "table", "1 2", "last"]),
+    ],
+)
+def test_what_a_page_leaves_out_stays_left_out(shown: str, renewed: list[str]) -> None:
+    assert TOOL.elided(shown, "preparing room: once\nfirst\ntable  \n1 2\nlast\n") == renewed
 
 
 def test_a_command_fails_only_where_the_page_shows_its_error() -> None:
