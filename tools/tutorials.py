@@ -41,6 +41,8 @@ PAGES = ROOT / "docs" / "tutorials"
 PROMPT = "$ "
 ANYTHING = "..."
 HOME = "/home/you"
+COLUMNS = 160
+"""Of the terminal: no table is folded."""
 WIDEST_PX = 1000
 """Of a picture in docs/."""
 SETTINGS = {".png": [cv2.IMWRITE_PNG_COMPRESSION, 9], ".jpg": [cv2.IMWRITE_JPEG_QUALITY, 80]}
@@ -164,6 +166,7 @@ class Player:
             "HOME": str(self.folder.parent),
             "PATH": f"{programs}:{os.environ['PATH']}",
             "PYTHONPATH": str(ROOT / "harness"),
+            "COLUMNS": str(COLUMNS),
             "SLAMBED_CACHE": str(cache),
             "SLAMBED_DATA_BESIDE": "no",
             "NO_COLOR": "1",
