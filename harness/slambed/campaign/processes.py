@@ -14,10 +14,12 @@ import signal
 import sys
 import threading
 import traceback
-from contextlib import suppress
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
 from multiprocessing.connection import Connection, wait
 from pathlib import Path
+from types import ModuleType
 
 from slambed.campaign import server_folder
 from slambed.campaign.executors import Played
@@ -73,7 +75,8 @@ class Worker:
         self._pipe, theirs = CONTEXT.Pipe()
         with theirs:
             self._process = CONTEXT.Process(target=serve, args=(theirs,), daemon=True)
-            self._process.start()
+            with _without_main():
+                self._process.start()
         self._runs = 0
 
     @property
