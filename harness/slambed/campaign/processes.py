@@ -40,6 +40,20 @@ CONTEXT = multiprocessing.get_context("forkserver")
 CONTEXT.set_forkserver_preload(["slambed.campaign.preload"])
 LOST = (EOFError, ConnectionError)
 """Errors of a pipe whose other end has gone."""
+_starting = threading.Lock()
+
+
+@contextmanager
+def _without_main() -> Iterator[None]:
+    """Hides the program that called the harness while a process starts. multiprocessing would
+    import it there, and a script that calls `slambed.run` would start again in each worker."""
+    with _starting:
+        main = sys.modules["__main__"]
+        sys.modules["__main__"] = ModuleType("__main__")
+        try:
+            yield
+        finally:
+            sys.modules["__main__"] = main
 
 
 def serve(pipe: Connection) -> None:

@@ -454,3 +454,22 @@ def test_a_signal_to_the_whole_process_group_is_an_interruption(tmp_path: Path) 
 
     with in_background(strike), pytest.raises(InterruptedRunError):
         executor.execute(spec, tmp_path / "raw", stop)
+
+
+def test_a_program_that_runs_an_experiment_does_not_start_again_in_each_process(
+    tmp_path: Path,
+) -> None:
+    program = tmp_path / "sweep.py"
+    program.write_text(
+        "import threading\n"
+        "from slambed.campaign.processes import Worker\n"
+        "print('begun', flush=True)\n"
+        "worker = Worker()\n"
+        "print(type(worker.execute(None, threading.Event())).__name__)\n"
+        "worker.kill()\n"
+    )
+    done = subprocess.run(
+        [sys.executable, program], capture_output=True, text=True, timeout=60, check=False
+    )
+    # The worker answers with an error, because None is no task.
+    assert done.stdout == "begun\nAttributeError\n", done.stderr
