@@ -69,7 +69,7 @@ def unpack(file: Path, results: Path) -> tuple[int, int]:
         for place, files in _members(file):
             if place.parts[0] == STORE:
                 found += 1
-                new += _take_run(store, place.parts[1], files)
+                new += _take_run(store, place.parts[1], files, file)
             else:
                 experiments.add(place.parts[0])
                 _take_experiment(results / place.parts[0], files)
@@ -108,11 +108,10 @@ def _members(file: Path) -> Iterator[tuple[PurePosixPath, Files]]:
     with _readable(file) as stream:
         for member in stream:
             path = PurePosixPath(member.name)
-            if not member.isreg() or path.is_absolute() or ".." in path.parts:
-                raise SlambedError(f"{file} is no file of `slambed results pack`: {member.name}")
-            depth = 2 if path.parts[0] == STORE else 1
-            if len(path.parts) <= depth:
-                raise SlambedError(f"{file} is no file of `slambed results pack`: {member.name}")
+            depth = 2 if path.parts[:1] == (STORE,) else 1
+            outside = path.is_absolute() or ".." in path.parts
+            if not member.isreg() or outside or len(path.parts) <= depth:
+                raise SlambedError(f"{file} is no file of `slambed results pack`: {member.name!r}")
             folder = PurePosixPath(*path.parts[:depth])
             if folder != place:
                 if place is not None:
@@ -138,10 +137,10 @@ def _readable(file: Path) -> Iterator[tarfile.TarFile]:
         raise SlambedError(f"cannot read {file}: {error.strerror}") from None
 
 
-def _take_run(store: RunStore, key: str, files: Files) -> bool:
+def _take_run(store: RunStore, key: str, files: Files, file: Path) -> bool:
     """Whether it was put there."""
     if missing := [name for name in NEEDED if PurePosixPath(name) not in files]:
-        raise SlambedError(f"run {key} has no {missing[0]}; pack it again")
+        raise SlambedError(f"{file}: run {key} has no {missing[0]}; pack it again")
     if store.state(key) == "valid":
         return False
     assert store.work is not None

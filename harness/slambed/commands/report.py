@@ -270,12 +270,15 @@ def evaluate(
         raise SlambedError(f"unknown association '{association}'; known: nearest, tum")
     method: Literal["nearest", "tum"] = "tum" if association == "tum" else "nearest"
     own, true = read_tum(estimate), read_tum(truth)
-    ate = absolute_error(own, true, max_difference_s, method, with_scale)
+    try:
+        ate = absolute_error(own, true, max_difference_s, method, with_scale)
+        rpe = relative_error(own, true, delta_s, max_difference_s=max_difference_s, method=method)
+    except SlambedError as error:
+        raise SlambedError(f"{estimate} against {truth}: {error}", error.code) from None
     typer.echo(
         f"ATE RMSE {ate.rmse:.6f} m ({ate.alignment}, {ate.pairs} pairs, mean {ate.mean:.6f}, "
         f"median {ate.median:.6f}, max {ate.maximum:.6f})"
     )
-    rpe = relative_error(own, true, delta_s, max_difference_s=max_difference_s, method=method)
     typer.echo(
         f"RPE RMSE over {rpe.delta}: {rpe.translation_m.rmse:.6f} m, "
         f"{rpe.rotation_deg.rmse:.6f} deg ({rpe.translation_m.pairs} pairs)"

@@ -97,7 +97,7 @@ def _checked(
         return read(data, str(file))
     except KeyError as missing:
         raise SlambedError(f"{file}: key {missing} is missing, which {kind} has") from None
-    except (TypeError, ValueError, AttributeError, IndexError) as broken:
+    except (TypeError, ValueError, OverflowError, AttributeError, IndexError) as broken:
         raise SlambedError(f"{file}: not {kind}: {broken}; correct the file") from None
 
 

@@ -15,6 +15,7 @@ from slambed.data.readers import ReaderOptions, SequenceReader, load_reader
 from slambed.data.recipe import UNVERIFIED, Dataset, split_pattern
 from slambed.data.recipe_file import DATASET_FILE, dataset_files, dataset_name, load_recipe
 from slambed.errors import MissingDataError, SlambedError
+from slambed.files.outputs import is_file, resolved
 from slambed.native import left_behind, repository_root
 from slambed.suggestion import did_you_mean
 
@@ -74,7 +75,7 @@ class Catalog:
     def get(self, name: str) -> Dataset:
         """The dataset with this id or alias, or of this file."""
         if name.endswith(YAML):
-            return self._of_file(Path(name).resolve())
+            return self._of_file(resolved(Path(name)))
         if (error := self.ambiguous.get(name)) is not None:
             raise error
         for dataset in self.datasets.values():
@@ -94,14 +95,14 @@ class Catalog:
     def _of_file(self, file: Path) -> Dataset:
         """Known by its names from then on, and so are those beside it that it names."""
         for name, known in self.files.items():
-            if known.resolve() == file:
+            if resolved(known) == file:
                 return self.get(name)
-        if not file.is_file():
+        if not is_file(file):
             raise SlambedError(f"there is no dataset file {file}")
         dataset = self._add(file)
         for name in (*dataset.first_of, *filter(None, [dataset.window_of])):
             beside = (file.with_name(f"{name}.yaml"), file.with_name(name) / DATASET_FILE)
-            if name not in self.files and (found := [p for p in beside if p.is_file()]):
+            if name not in self.files and (found := [p for p in beside if is_file(p)]):
                 self._of_file(found[0])
         return dataset
 
@@ -178,7 +179,7 @@ class Catalog:
     def _find_path_file(self, dataset: Dataset, wanted: str) -> Path | None:
         """Beside the dataset files, so that it is the same on every machine; else as data is."""
         folders = [self._home(dataset), *self._looked_in(dataset)]
-        return next((f / wanted for f in folders if (f / wanted).is_file()), None)
+        return next((f / wanted for f in folders if is_file(f / wanted)), None)
 
     def _home(self, dataset: Dataset) -> Path:
         """Where its file lies."""
@@ -217,7 +218,7 @@ class Catalog:
             if (kept := cache.find(dataset)) is not None:
                 return PreparedSequence.open(kept)
             raise MissingDataError(self._missing(dataset))
-        if (source / SEQUENCE_FILE).is_file():
+        if is_file(source / SEQUENCE_FILE):
             return PreparedSequence.open(source)
         reader = open_source(dataset, *self._located(dataset))
         return cache.get(dataset, SourceJob(dataset, reader), progress, notify)
@@ -226,7 +227,7 @@ class Catalog:
         """What `prepare` would open without making anything; None where it would make it first."""
         dataset = self.whole(self.resolve(name, cache_dir))
         source = self.locate(dataset)
-        if source is None or not (source / SEQUENCE_FILE).is_file():
+        if source is None or not is_file(source / SEQUENCE_FILE):
             source = SequenceCache(places.prepared_folder(cache_dir)).find(dataset)
         return None if source is None else PreparedSequence.open(source)
 
@@ -284,6 +285,6 @@ def prepare(
     notify: Notify = lambda line: None,
 ) -> PreparedSequence:
     """Prepares a dataset of the checkout's catalog; a prepared folder's path is opened as is."""
-    if (Path(dataset_id) / SEQUENCE_FILE).is_file():
+    if is_file(Path(dataset_id) / SEQUENCE_FILE):
         return PreparedSequence.open(dataset_id)
     return Catalog.load().prepare(dataset_id, cache_dir, progress, notify)

@@ -14,6 +14,9 @@ from pydantic import (
     model_serializer,
 )
 
+UNREADABLE = (OSError, ValueError, RecursionError)
+"""What a file is that holds no JSON: thousands of brackets are none, either."""
+
 
 class Record(BaseModel):
     """An object of a file, or a part of one: what has keys of its own is a model of this kind.
@@ -29,7 +32,7 @@ class Record(BaseModel):
         """From a file; None when it is not there, not whole, or no record of this kind."""
         try:
             return cls.model_validate_json(path.read_bytes())
-        except (OSError, ValueError):
+        except UNREADABLE:
             return None
 
     @classmethod
@@ -62,7 +65,7 @@ def read_object(path: Path) -> dict[str, Any] | None:
     """A JSON object, None when it is not there or not whole."""
     try:
         content = json.loads(path.read_bytes())
-    except (OSError, ValueError):
+    except UNREADABLE:
         return None
     return content if isinstance(content, dict) else None
 
@@ -79,7 +82,7 @@ def object_or_empty(
         if needed:
             complaints.append(f"{path.name}: missing")
         return {}
-    except (OSError, ValueError) as error:
+    except UNREADABLE as error:
         complaints.append(f"{path.name}: unreadable ({error})")
         return {}
     return content if isinstance(content, dict) else {}
@@ -89,6 +92,6 @@ def read_list(path: Path) -> list[Any]:
     """A JSON list; an empty one when it is not there or not whole."""
     try:
         content = json.loads(path.read_bytes())
-    except (OSError, ValueError):
+    except UNREADABLE:
         return []
     return content if isinstance(content, list) else []

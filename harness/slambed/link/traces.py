@@ -13,6 +13,7 @@ from pydantic import BaseModel, ConfigDict, Field
 from slambed.data.places import search_path
 from slambed.data.text_file import read_lines
 from slambed.errors import SlambedError
+from slambed.files.outputs import at_home, is_file
 from slambed.link.curves import Trace
 from slambed.link.ping import read_ping
 from slambed.native import repository_root
@@ -52,14 +53,14 @@ class TraceFile(BaseModel):
 
 def find_trace(name: str, near: Path | None) -> Path:
     """The file of that name; raises with the places searched."""
-    path = Path(name).expanduser()
+    path = at_home(name)
     if path.is_absolute():
         candidates = [path]
     else:
         folders = [repository_root() / "netem_profiles", *search_path()]
         candidates = [folder / path for folder in ([near] if near else []) + folders]
     for candidate in candidates:
-        if candidate.is_file():
+        if is_file(candidate):
             return candidate
     places = ", ".join(str(candidate.parent) for candidate in candidates)
     raise SlambedError(f"trace file '{name}' not found, looked in {places}; set SLAMBED_DATA")

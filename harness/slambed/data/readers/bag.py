@@ -3,19 +3,14 @@
 
 from __future__ import annotations
 
-import sqlite3
-import struct
 from collections.abc import Iterable, Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from functools import cached_property
 from pathlib import Path
 from typing import Any
 
-from rosbags.highlevel import AnyReader, AnyReaderError
-from rosbags.rosbag1 import ReaderError as ReaderError1
-from rosbags.rosbag2 import ReaderError as ReaderError2
-from rosbags.serde import SerdeError
-from rosbags.typesys import Stores, TypesysError, get_typestore
+from rosbags.highlevel import AnyReader
+from rosbags.typesys import Stores, get_typestore
 
 from slambed.data.association import pairs_of_sensors
 from slambed.data.images import other_size
@@ -28,11 +23,6 @@ from slambed.errors import SlambedError
 from slambed.suggestion import did_you_mean
 
 _IMAGES = ("sensor_msgs/msg/Image", "sensor_msgs/msg/CompressedImage")
-#: What `rosbags` raises for damaged files.
-_BROKEN = (
-    AnyReaderError, ReaderError1, ReaderError2, SerdeError, TypesysError, UnicodeDecodeError,
-    OSError, sqlite3.Error, struct.error,
-)  # fmt: skip
 #: The header's clock and the recorder's may differ by a constant, but not in how fast they go.
 _CLOCK_RATIO, _CLOCK_SLACK_S = 1.5, 2.0
 _LONGEST_REASON = 160
@@ -171,16 +161,24 @@ class Reader(SequenceReader):
 
     @contextmanager
     def _open(self) -> Iterator[AnyReader]:
+        with ExitStack() as stack:
+            with self._library():
+                store = get_typestore(Stores.ROS2_HUMBLE)
+                bag = stack.enter_context(AnyReader(self._parts, default_typestore=store))
+            yield bag
+
+    @contextmanager
+    def _library(self) -> Iterator[None]:
+        """Around what `rosbags` does alone: of a damaged file it raises whatever its parsers come
+        upon, so no list of exceptions is ever whole."""
         try:
-            store = get_typestore(Stores.ROS2_HUMBLE)
-            with AnyReader(self._parts, default_typestore=store) as bag:
-                yield bag
-        except _BROKEN as broken:
+            yield
+        except Exception as broken:
             raise SlambedError(f"{self.path}: {_reason(broken)}") from broken
 
     def _messages(self, bag: AnyReader, topics: list[str]) -> Iterator[tuple[str, Any, int]]:
         """Topic, message, and when the bag got it."""
-        present = sorted({connection.topic for connection in bag.connections})
+        present = sorted({str(connection.topic) for connection in bag.connections})
         for topic in topics:
             if topic not in present:
                 raise SlambedError(
@@ -190,8 +188,15 @@ class Reader(SequenceReader):
         chosen = [c for c in bag.connections if c.topic in topics]
         for connection in chosen:
             self._check_kind(connection.topic, connection.msgtype)
-        for connection, received_ns, raw in bag.messages(connections=chosen):
-            yield connection.topic, bag.deserialize(raw, connection.msgtype), received_ns
+        with self._library():
+            messages = iter(bag.messages(connections=chosen))
+        while True:
+            with self._library():
+                if (found := next(messages, None)) is None:
+                    return
+                connection, received_ns, raw = found
+                message = bag.deserialize(raw, connection.msgtype)
+            yield connection.topic, message, received_ns
 
     def _check_kind(self, topic: str, kind: str) -> None:
         if topic in (self._first, self._second) and kind not in _IMAGES:
@@ -211,7 +216,7 @@ def _reason(broken: Exception) -> str:
     """What a library says, in one short line, and what to do about what crashes leave behind."""
     reported: Sequence[object] = broken.args or (broken,)
     lines = " ".join(str(part) for part in reported).strip().splitlines()
-    what = lines[0][:_LONGEST_REASON] if lines else type(broken).__name__
+    what = lines[0][:_LONGEST_REASON] if lines and lines[0] else type(broken).__name__
     if "end magic" in what:
         return "the file is cut off, as a crash leaves it; repair it with 'mcap recover'"
     if "index" in what.lower():

@@ -24,6 +24,7 @@ from slambed.data.stamps import (
 )
 from slambed.data.trajectory import Trajectory
 from slambed.errors import SlambedError
+from slambed.files.outputs import is_file
 from slambed.suggestion import did_you_mean
 
 _NUMBER = re.compile(r"(?:frame-)?(\d{1,18})")
@@ -234,7 +235,7 @@ def require(path: Path, what: str) -> Path:
 
 def require_poses(path: Path) -> Path:
     """The file that `groundtruth:` names: who asked for it is not left without."""
-    if not path.is_file():
+    if not is_file(path):
         raise SlambedError(
             f"{path} is missing (ground truth); complete the dataset, or remove 'groundtruth' "
             "from its file to go without"
