@@ -234,8 +234,8 @@ def sound(sequence: PreparedSequence) -> str:
         must(bool((np.diff(truth.stamps_s) > 0).all()), "times of poses do not increase")
         lengths = np.linalg.norm(truth.quaternions_xyzw, axis=1)
         must(bool((np.abs(lengths - 1) < 1e-6).all()), "a pose that is no rotation")
-    truth_text = sequence.groundtruth_file.read_text() if sequence.groundtruth_file else ""
-    return f"{sequence.checksum} {truth_text}"
+    truth_bytes = sequence.groundtruth_file.read_bytes() if sequence.groundtruth_file else b""
+    return f"{sequence.checksum} {truth_bytes!r}"
 
 
 def sound_path(path: Trajectory) -> None:
@@ -557,6 +557,8 @@ def _link(profile: Profile) -> str:
         must(all(map(math.isfinite, side.delay_us)), "a delay that is not finite")
     why_not_netem(profile)
     text = json.dumps(link.as_json(), allow_nan=False)
+    numbers = [abs(float(number)) for number in re.findall(r"-?\d[\d.e+-]*", text)]
+    must(max(numbers) < 2**53, f"a number of {max(numbers):g} for the relay")
     canonical_json(dict(profile.content))
     if not profile.rate_traces and "trace" not in json.dumps(dict(profile.content)):
         again = parse_profile(profile.content, "experiment.json")

@@ -7,6 +7,7 @@ A mutant is decided by its name and its seed alone. Whoever reads mutants is in 
 from __future__ import annotations
 
 import codecs
+import re
 import shutil
 import struct
 import zlib
@@ -57,11 +58,17 @@ VALUES: tuple[Any, ...] = (
     {1: 2}, {"a": {"a": {"a": []}}}, [0] * 40, [float("nan")], [{}], ["", ""],
 )  # fmt: skip
 """What takes the place of a value of YAML or JSON."""
+NUMBERS = (
+    "0", "-0.0", "-1", "1", "2", "0.001", "1e-9", "1e-310", "1e3", "1e6", "1e9", "1e12", "1e18",
+    "1e19", "1e100", "1e300", "1e308", "2147483647", "2147483648", "9223372036854775807", ".inf",
+    "inf", ".nan", "nan", "9" * 40, "9" * 400, "00", "1.5", "1e", "x",
+)  # fmt: skip
 ENCODINGS = (
     "utf-8-sig", "utf-16", "utf-16-le", "utf-16-be", "utf-32", "utf-32-le", "latin-1", "cp1252",
     "utf-7", "cp037",
 )  # fmt: skip
 SIZES = (0, 1, 2, 3, 0x7F, 0x80, 0xFF, 0x7FFF, 0xFFFF, 2**24, 2**28, 2**31 - 1, 2**31, 2**32 - 1)
+_LITERAL = re.compile(r"-?\d+(?:\.\d*)?(?:e[+-]?\d+)?")
 _LONGEST = 1 << 20
 """No mutant of text is longer: what takes long because it is long is another question."""
 
@@ -94,7 +101,8 @@ class Mutator:
         assert isinstance(content, bytes)
         ways: list[Callable[[bytes], bytes]]
         if name.endswith(TEXT):
-            ways = [self._fields] * 5 + [self._lines] * 3 + [self._encoding, self._bytes]
+            ways = [self._fields] * 4 + [self._lines] * 3 + [self._encoding, self._bytes]
+            ways += [self._literal] * 2
             if name.endswith((".yaml", ".json")):
                 ways += [self._tree] * 8
         else:
@@ -268,6 +276,16 @@ class Mutator:
         else:
             lines[at] = change(lines[at])
         return "\n".join(lines).encode("utf-8", "surrogatepass")[:_LONGEST]
+
+    def _literal(self, data: bytes) -> bytes:
+        """One of the numbers of the text, wherever it stands."""
+        text = data.decode("utf-8", "replace")
+        found = list(_LITERAL.finditer(text))
+        if not found:
+            return data
+        one, number = self.random.choice(found), self.random.choice(NUMBERS)
+        self.note(number)
+        return (text[: one.start()] + number + text[one.end() :]).encode("utf-8")
 
     def _tree(self, data: bytes) -> bytes:
         """A value, a key or an entry of YAML or JSON, and what only YAML can say."""

@@ -275,7 +275,11 @@ def open_source(dataset: Dataset, source: Path, *more: Path) -> SequenceReader:
         further_parts=more,
         extra=dataset.reader_options,
     )
-    return load_reader(dataset.reader)(source, options)
+    try:
+        reader = load_reader(dataset.reader)
+    except SlambedError as unknown:
+        raise SlambedError(f"dataset '{dataset.id}': {unknown}") from None
+    return reader(source, options)
 
 
 def prepare(

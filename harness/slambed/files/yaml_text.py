@@ -12,6 +12,8 @@ DEEPEST = 100
 """Levels of a document. The parser in C crashes on some ten thousands of them."""
 MOST_VALUES = 1_000_000
 """Of a document, with what its aliases stand for: nine lines can stand for a billion."""
+LARGEST = 2**63 - 1
+"""Of whole numbers: what is larger fits no program that reads what is made of it."""
 _OF_A_VALUE = (ValueError, IndexError, KeyError, OverflowError, TypeError, AttributeError)
 """PyYAML's own way to refuse `!!int x`, a month 13 and a number of 5,000 digits."""
 Read = TypeVar("Read")
@@ -38,13 +40,17 @@ class _Checked(_Base):
     def construct_object(self, node: yaml.Node, deep: bool = False) -> Any:
         """The value of a node."""
         try:
-            return super().construct_object(node, deep)
+            value = super().construct_object(node, deep)
         except _OF_A_VALUE:
             kind = node.tag.rpartition(":")[2]
             shown = f"'{node.value[:40]}'" if isinstance(node, yaml.ScalarNode) else "this"
             raise ConstructorError(
                 None, None, f"{shown} is not of type {kind}", node.start_mark
             ) from None
+        if type(value) is int and not -LARGEST <= value <= LARGEST:
+            problem = f"'{node.value[:40]}' is larger than {LARGEST}"
+            raise ConstructorError(None, None, problem, node.start_mark)
+        return value
 
 
 class _Plain(_Checked, yaml.SafeLoader):

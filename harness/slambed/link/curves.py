@@ -14,6 +14,10 @@ from pydantic import AfterValidator, BaseModel, ConfigDict, Field, model_validat
 
 Times = NDArray[np.float64]
 
+LONGEST_MS = 60_000.0
+"""One way; a longer delay is a mistake of unit."""
+SHORTEST_S = 1e-3
+"""Of what comes again and again: the link is asked for every 10 ms."""
 STRICT = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
 
 
@@ -136,7 +140,7 @@ class Sine(BaseModel):
 
     mean_ms: float = 0.0
     amplitude_ms: float
-    period_s: float = Field(gt=0)
+    period_s: float = Field(ge=SHORTEST_S)
     phase_deg: float = 0.0
 
     def at(self, t: Times) -> Times:
@@ -245,7 +249,7 @@ class Repeat(_Wrapped):
 
     kind: ClassVar[str] = "repeat"
 
-    period_s: float = Field(gt=0)
+    period_s: float = Field(ge=SHORTEST_S)
 
     def at(self, t: Times) -> Times:
         """Milliseconds at `t`."""

@@ -5,6 +5,7 @@ from typing import Literal
 
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 
+from slambed.link.curves import LONGEST_MS, SHORTEST_S
 from slambed.link.direction import JitterConfig, LossConfig
 
 STRICT = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
@@ -16,16 +17,16 @@ class Jitter(BaseModel):
     model_config = STRICT
 
     shape: Literal["normal", "pareto"] = "normal"
-    sd_ms: float | None = Field(default=None, gt=0)
+    sd_ms: float | None = Field(default=None, gt=0, le=LONGEST_MS)
     """normal: standard deviation; mean 0, the total delay never goes below 0."""
-    mean_ms: float | None = Field(default=None, gt=0)
+    mean_ms: float | None = Field(default=None, gt=0, le=LONGEST_MS)
     """pareto: mean of the extra delay, which starts at 0."""
     tail: float = Field(default=3.0, gt=1, le=100)
     """pareto: tail index; smaller = heavier."""
-    max_ms: float | None = Field(default=None, gt=0)
+    max_ms: float | None = Field(default=None, gt=0, le=LONGEST_MS)
     correlation: float = Field(default=0.0, ge=0, lt=1)
     """Between one packet and the next."""
-    correlation_s: float | None = Field(default=None, gt=0)
+    correlation_s: float | None = Field(default=None, gt=0, le=1e6)
     """Correlation by time, exp(-dt / this), so that it does not depend on the packet rate."""
 
     @model_validator(mode="after")
@@ -127,7 +128,7 @@ class Bandwidth(BaseModel):
     mbps: float | None = Field(default=None, ge=0.001, le=100_000)
     trace: str | None = None
     """Mahimahi file; repeats from its start when it ends."""
-    queue_bytes: int | None = Field(default=None, ge=3000)
+    queue_bytes: int | None = Field(default=None, ge=3000, le=2**40)
     """Not given: what the mean rate carries in 200 ms, at least 64 KiB."""
 
     @model_validator(mode="after")
@@ -142,9 +143,9 @@ class Gap(BaseModel):
 
     model_config = STRICT
 
-    start_s: float = Field(ge=0)
-    length_s: float = Field(gt=0)
-    every_s: float | None = Field(default=None, gt=0)
+    start_s: float = Field(ge=0, le=1e6)
+    length_s: float = Field(gt=0, le=1e6)
+    every_s: float | None = Field(default=None, ge=SHORTEST_S, le=1e6)
     """Again and again with this period."""
 
     @model_validator(mode="after")

@@ -20,6 +20,7 @@ from slambed.native import repository_root
 from slambed.suggestion import suggestion
 
 MAHIMAHI_PACKET_BITS = 1500 * 8
+_LONGEST_RATE_MS = 10**9
 _MAX_GAP_S = 1.0
 _UNITS_S = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
 
@@ -191,6 +192,11 @@ def read_rate_trace(name: str, near: Path | None) -> list[int]:
             ) from None
         if time_ms < (opportunities[-1] if opportunities else 0):
             raise SlambedError(f"time goes back, {path} line {number}; sort the file")
+        if time_ms > _LONGEST_RATE_MS:
+            raise SlambedError(
+                f"'{line[:20]}' is more than {_LONGEST_RATE_MS} ms, {path} line {number}; give "
+                "milliseconds from the start of the trace"
+            )
         opportunities.append(time_ms)
     if not opportunities or opportunities[-1] == 0:
         raise SlambedError(f"no delivery opportunities, {path}; give a Mahimahi trace")

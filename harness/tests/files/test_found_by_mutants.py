@@ -17,6 +17,7 @@ from mutator import Files, write
 
 from slambed.campaign.pack import unpack
 from slambed.data.camera_files import read_cameras
+from slambed.data.catalog import Catalog
 from slambed.data.encoded_picture import check_picture
 from slambed.data.prepared import SEQUENCE_FILE, PreparedSequence
 from slambed.data.trajectory import read_tum
@@ -24,7 +25,8 @@ from slambed.errors import ExitCode, SlambedError, printable
 from slambed.files.json_file import read_object
 from slambed.files.yaml_source import load_yaml
 from slambed.files.yaml_text import DEEPEST, read_yaml
-from slambed.link.traces import find_trace
+from slambed.link.profile import load_profile
+from slambed.link.traces import find_trace, read_rate_trace
 from slambed.spec.inputs import find_input
 from slambed.spec.library import Library
 
@@ -62,6 +64,7 @@ BOMB = "a: &a [x, x, x, x, x, x, x, x, x, x]\n" + "".join(
         ("a: 1\nb: !!int x\n", "'x' is not of type int"),
         ("a: 1\nb: !!bool 3\n", "'3' is not of type bool"),
         ("a: 1\nb: " + "9" * 5000, "is not of type int"),
+        ("a: 1\nb: " + "9" * 400, "is larger than 9223372036854775807"),
     ],
 )
 def test_yaml_that_stands_for_no_value(tmp_path: Path, text: str, complaint: str) -> None:
@@ -207,13 +210,6 @@ def test_a_list_with_a_name_of_a_whole_file(tmp_path: Path) -> None:
     assert "rgb.txt:3: there is neither" in line and len(line) < 1500
 
 
-def test_calibrations_of_numbers_that_are_none(tmp_path: Path) -> None:
-    file = tmp_path / "a.yaml"
-    file.write_text(f"K: [{'9' * 400}, 0, 1, 0, 1, 1, 0, 0, 1]\nD: []\nwidth: 9\nheight: 9\n")
-    with pytest.raises(SlambedError, match=r"a\.yaml: not an OpenCV or ROS calibration: int too"):
-        read_cameras(file)
-
-
 def test_what_a_message_shows_of_a_file_does_nothing_to_a_terminal() -> None:
     assert str(SlambedError("a.txt:1: '\x1b[2J\x07' is not a time")) == (
         "a.txt:1: '\\x1b[2J\\x07' is not a time"
@@ -242,3 +238,57 @@ def test_a_rig_that_rectifies_to_no_camera(tmp_path: Path) -> None:
     changed = text.replace(b"1.0, 0.0, 0.0, 0.0, 0.0, 1.0]", b"1.0, 0.0, 0.0, 0.0, 0.0, -0.5]")
     line = line_of("euroc", {name: changed}, tmp_path)
     assert "mav0" in line
+
+
+@pytest.mark.parametrize(
+    ("text", "complaint"),
+    [
+        # Memory for 745 GiB was asked for.
+        ("rtt_ms: {steps: [[0, 1], [1e9, 5]]}", "the profile lasts 1e+09 s, more than 100000 s"),
+        ("rtt_ms: {ramp: {to_ms: 5, rise_s: 1, hold_s: 1.0e+12}}", "the profile lasts 1e+12 s"),
+        ("rtt_ms: 5\nduration_s: .inf", "expected seconds up to 100000, not inf"),
+        # These never ended.
+        ("rtt_ms: 5\ngaps: [{start_s: 1, length_s: 1e-320, every_s: 1e-310}]", "gaps[0].every_s"),
+        ("rtt_ms: {sine: {amplitude_ms: 5, period_s: 1e-320}}", "rtt_ms.sine.period_s"),
+        # These made JSON that the relay cannot read, or times that it cannot hold.
+        ("rtt_ms: 5\nrate: {mbps: 1, queue_bytes: 9000000000000000000}", "rate.queue_bytes"),
+        ("rtt_ms: 5\njitter: {sd_ms: 1e300}", "jitter.sd_ms"),
+        ("rtt_ms: 5\ngaps: [{start_s: 1, length_s: 1e300}]", "gaps[0].length_s"),
+    ],
+)
+def test_a_profile_of_sizes_that_no_link_has(tmp_path: Path, text: str, complaint: str) -> None:
+    file = tmp_path / "a.yaml"
+    file.write_text(text)
+    with pytest.raises(SlambedError) as error:
+        load_profile(file)
+    line = one_line(error)
+    assert complaint in line and str(file) in line
+
+
+def test_a_rate_trace_ends_some_day(tmp_path: Path) -> None:
+    (tmp_path / "a.trace").write_text("1\n" + "9" * 400)
+    with pytest.raises(SlambedError, match=r"is more than 1000000000 ms, .*a\.trace line 2"):
+        read_rate_trace("a.trace", tmp_path)
+
+
+def test_a_grid_of_a_number(tmp_path: Path) -> None:
+    (tmp_path / "a.yaml").write_text("id: a\nsystems: [{system: x, grid: {1: [1]}}]\n")
+    with pytest.raises(SlambedError, match=r"a grid cannot vary '1', .*a\.yaml line 2"):
+        Library(tmp_path).experiment(str(tmp_path / "a.yaml"))
+
+
+def test_a_range_of_gray_values_without_a_width(tmp_path: Path) -> None:
+    write_tum(tmp_path / "tiny_tum")
+    tum_recipe(tmp_path / "datasets", reader_options="{gray_range: [0, 1.0e-320]}")
+    catalog = Catalog.load(tmp_path / "datasets", [tmp_path])
+    with pytest.raises(SlambedError, match="tiny_tum: reader_options: gray_range must be two"):
+        catalog.prepare("tiny_tum", tmp_path / "cache")
+
+
+def test_messages_that_a_bag_defines_otherwise(tmp_path: Path) -> None:
+    files = subject("bag").files()
+    data = files["data/walk.bag"]
+    assert isinstance(data, bytes)
+    changed = data.replace(b"string encoding", b"string encodinx")
+    line = line_of("bag", {"data/walk.bag": changed}, tmp_path)
+    assert "walk.bag" in line and ("otherwise than ROS" in line or "cannot be read" in line)

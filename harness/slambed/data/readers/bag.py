@@ -5,11 +5,12 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager
-from functools import cached_property
+from functools import cache, cached_property
 from pathlib import Path
 from typing import Any
 
 from rosbags.highlevel import AnyReader
+from rosbags.interfaces import Nodetype
 from rosbags.typesys import Stores, get_typestore
 
 from slambed.data.association import pairs_of_sensors
@@ -163,8 +164,7 @@ class Reader(SequenceReader):
     def _open(self) -> Iterator[AnyReader]:
         with ExitStack() as stack:
             with self._library():
-                store = get_typestore(Stores.ROS2_HUMBLE)
-                bag = stack.enter_context(AnyReader(self._parts, default_typestore=store))
+                bag = stack.enter_context(AnyReader(self._parts, default_typestore=_standard()))
             yield bag
 
     @contextmanager
@@ -187,7 +187,7 @@ class Reader(SequenceReader):
                 )
         chosen = [c for c in bag.connections if c.topic in topics]
         for connection in chosen:
-            self._check_kind(connection.topic, connection.msgtype)
+            self._check_kind(connection.topic, connection.msgtype, bag)
         with self._library():
             messages = iter(bag.messages(connections=chosen))
         while True:
@@ -195,14 +195,20 @@ class Reader(SequenceReader):
                 if (found := next(messages, None)) is None:
                     return
                 connection, received_ns, raw = found
+                received_ns = int(received_ns)
                 message = bag.deserialize(raw, connection.msgtype)
             yield connection.topic, message, received_ns
 
-    def _check_kind(self, topic: str, kind: str) -> None:
+    def _check_kind(self, topic: str, kind: str, bag: AnyReader) -> None:
         if topic in (self._first, self._second) and kind not in _IMAGES:
             raise SlambedError(
                 f"{self.path}: topic '{topic}' has {kind}, expected {' or '.join(_IMAGES)}; "
                 "name the topic of the pictures"
+            )
+        if (other := _other_fields(kind, bag.typestore.fielddefs)) is not None:
+            raise SlambedError(
+                f"{self.path}: topic '{topic}': the bag defines {other} otherwise than ROS does; "
+                "record it again with the messages of ROS"
             )
 
 
@@ -210,6 +216,30 @@ def _goes_on(first: Path, part: Path) -> bool:
     """Parts lie beside each other and are of one kind."""
     same_kind = (first.suffix, first.is_dir()) == (part.suffix, part.is_dir())
     return same_kind and first.parent == part.parent
+
+
+@cache
+def _standard() -> Any:
+    """The messages of ROS, for bags that do not bring their own."""
+    return get_typestore(Stores.ROS2_HUMBLE)
+
+
+def _other_fields(kind: str, fields: Any) -> str | None:
+    """The message, of this one and those in it, that has not the fields that it has in ROS; one of
+    ROS 1 has more. Of what ROS does not have, nothing is known."""
+    known = _standard().fielddefs
+    if kind not in known:
+        return None
+    _, found = fields.get(kind, ((), ()))
+    for field in known[kind][1]:
+        if field not in found:
+            return kind
+        node, what = field[1]
+        if node != Nodetype.NAME and node != Nodetype.BASE:
+            node, what = what[0]
+        if node == Nodetype.NAME and (other := _other_fields(what, fields)) is not None:
+            return other
+    return None
 
 
 def _reason(broken: Exception) -> str:

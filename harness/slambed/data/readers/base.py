@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import math
 import re
+import sys
 from abc import ABC, abstractmethod
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
@@ -77,8 +78,8 @@ class SequenceReader(ABC):
         for name in options.extra:
             if name not in known:
                 raise SlambedError(
-                    f"reader_options: unknown key '{name}'{did_you_mean(name, known)}; known: "
-                    f"{', '.join(known)}"
+                    f"{path}: reader_options: unknown key '{name}'{did_you_mean(name, known)}; "
+                    f"known: {', '.join(known)}"
                 )
         if options.sensor not in self.sensors:
             raise SlambedError(
@@ -103,7 +104,9 @@ class SequenceReader(ABC):
         value = self.options.extra.get(name, default)
         if value is None or (_is_number(value) and value > 0):
             return value
-        raise SlambedError(f"reader_options: {name} must be a number above 0, not {value!r}")
+        raise SlambedError(
+            f"{self.path}: reader_options: {name} must be a number above 0, not {value!r}"
+        )
 
     def _gray_range(self) -> tuple[float, float] | None:
         asked = self.options.extra.get("gray_range")
@@ -111,10 +114,11 @@ class SequenceReader(ABC):
             return None
         if isinstance(asked, list) and len(asked) == 2 and all(map(_is_number, asked)):
             low, high = (float(value) for value in asked)
-            if low < high:
+            if low < high and math.isfinite(255 / (high - low)):
                 return low, high
         raise SlambedError(
-            f"reader_options: gray_range must be two numbers, the lower one first, not {asked!r}"
+            f"{self.path}: reader_options: gray_range must be two numbers, the lower one first, "
+            f"not {asked!r}"
         )
 
     @property
@@ -143,7 +147,9 @@ class SequenceReader(ABC):
                 ) from None
         asked = self.options.extra.get("time_unit")
         if asked is not None and asked not in NS_PER:
-            raise SlambedError(f"reader_options: time_unit must be s, ms, us or ns, not {asked!r}")
+            raise SlambedError(
+                f"{file}: reader_options: time_unit must be s, ms, us or ns, not {asked!r}"
+            )
         unit = asked or recognized_unit(counts, usual, self.options.fps)
         if unit is None:
             raise unit_question(counts, usual, self.options.fps, str(file))
@@ -244,4 +250,6 @@ def require_poses(path: Path) -> Path:
 
 
 def _is_number(value: object) -> bool:
-    return isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value)
+    if not isinstance(value, int | float) or isinstance(value, bool):
+        return False
+    return abs(value) <= sys.float_info.max
