@@ -292,7 +292,7 @@ class Mutator:
         r = self.random
         try:
             tree = yaml.safe_load(data.decode())
-        except (yaml.YAMLError, UnicodeDecodeError, ValueError):
+        except Exception:  # an earlier step has left no YAML, which PyYAML says in many ways
             return data
         nodes = list(_nodes(tree))
         if not nodes:
@@ -320,7 +320,7 @@ class Mutator:
             inside[key] = value
         try:
             return yaml.safe_dump(tree, sort_keys=False, allow_unicode=True).encode("utf-8")
-        except (yaml.YAMLError, ValueError, RecursionError):
+        except Exception:
             return data
 
     # Places.

@@ -19,7 +19,7 @@ SecondImage = NDArray[np.uint8] | NDArray[np.uint16]
 class Camera(BaseModel):
     """Pinhole camera with OpenCV's radial-tangential distortion; bf is fx times baseline (px m)."""
 
-    model_config = ConfigDict(extra="forbid", frozen=True)
+    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
 
     fx: float = Field(gt=0)
     fy: float = Field(gt=0)

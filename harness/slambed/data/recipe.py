@@ -21,7 +21,7 @@ UNVERIFIED = "unverified here"
 
 
 class _Strict(BaseModel):
-    model_config = ConfigDict(extra="forbid", frozen=True)
+    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
 
 
 class CameraRecipe(_Strict):
