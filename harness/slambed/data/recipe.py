@@ -27,8 +27,8 @@ class _Strict(BaseModel):
 class CameraRecipe(_Strict):
     """Camera of the source images; left out where the dataset brings its own calibration."""
 
-    width: int = Field(gt=0)
-    height: int = Field(gt=0)
+    width: int = Field(gt=0, le=65_535)
+    height: int = Field(gt=0, le=65_535)
     fx: float = Field(gt=0)
     fy: float = Field(gt=0)
     cx: float

@@ -271,18 +271,43 @@ def test_a_rate_trace_ends_some_day(tmp_path: Path) -> None:
         read_rate_trace("a.trace", tmp_path)
 
 
+def test_a_parameter_that_is_called_by_a_number(tmp_path: Path) -> None:
+    (tmp_path / "a.yaml").write_text("rtt_ms: $peak\nparams: {1: 2, mean: 3}\n")
+    with pytest.raises(SlambedError, match=r"unknown parameter '\$peak', .*a\.yaml at rtt_ms"):
+        load_profile(tmp_path / "a.yaml")
+
+
 def test_a_grid_of_a_number(tmp_path: Path) -> None:
     (tmp_path / "a.yaml").write_text("id: a\nsystems: [{system: x, grid: {1: [1]}}]\n")
     with pytest.raises(SlambedError, match=r"a grid cannot vary '1', .*a\.yaml line 2"):
         Library(tmp_path).experiment(str(tmp_path / "a.yaml"))
 
 
-def test_a_range_of_gray_values_without_a_width(tmp_path: Path) -> None:
+@pytest.mark.parametrize(
+    ("key", "value", "complaint"),
+    [
+        (
+            "reader_options",
+            "{gray_range: [0, 1.0e-320]}",
+            "tiny_tum: reader_options: gray_range must",
+        ),
+        ("reader_options", "{time_unit: [s]}", "rgb.txt: reader_options: time_unit must be"),
+        ("reader_options", "{max_gap: 1}", "tiny_tum: reader_options: unknown key 'max_gap'"),
+        ("reader", "tun", "dataset 'tiny_tum': reader 'tun' does not exist, did you mean 'tum'"),
+        ("fps", ".inf", "'fps': input should be a finite number"),
+        ("camera", "{width: 9, height: 9, fx: 1, fy: 1, cx: .nan, cy: 1, bf: 1}", "'camera.cx'"),
+        ("camera", "{width: 2147483647, height: 9, fx: 1, fy: 1, cx: 1, cy: 1, bf: 1}", "65535"),
+    ],
+)
+def test_dataset_files_name_themselves(
+    tmp_path: Path, key: str, value: str, complaint: str
+) -> None:
     write_tum(tmp_path / "tiny_tum")
-    tum_recipe(tmp_path / "datasets", reader_options="{gray_range: [0, 1.0e-320]}")
+    tum_recipe(tmp_path / "datasets", **{key: value})
     catalog = Catalog.load(tmp_path / "datasets", [tmp_path])
-    with pytest.raises(SlambedError, match="tiny_tum: reader_options: gray_range must be two"):
+    with pytest.raises(SlambedError) as error:
         catalog.prepare("tiny_tum", tmp_path / "cache")
+    assert complaint in one_line(error) and "tiny_tum" in one_line(error)
 
 
 def test_messages_that_a_bag_defines_otherwise(tmp_path: Path) -> None:

@@ -156,7 +156,7 @@ def _wrong_line(error: SlambedError, there: set[str]) -> str:
         return f"{len(line)} characters: {line[:200]}"
     if "bug of slambed" in line:
         return line
-    names = {Path(name).name for name in there} | {"'tiny'", "walk"}
+    names = {Path(name).name for name in there} | {"'tiny'", "walk", "cache/prepared"}
     if not any(name in line for name in names):
         return f"names no file: {line}"
     return ""

@@ -146,7 +146,7 @@ class SequenceReader(ABC):
                     "correct or remove the line"
                 ) from None
         asked = self.options.extra.get("time_unit")
-        if asked is not None and asked not in NS_PER:
+        if asked is not None and asked not in tuple(NS_PER):
             raise SlambedError(
                 f"{file}: reader_options: time_unit must be s, ms, us or ns, not {asked!r}"
             )
