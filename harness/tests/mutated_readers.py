@@ -324,6 +324,15 @@ def _message(store: Any, said: Said) -> Any:
     return make("sensor_msgs/msg/Image", header=header, **values)
 
 
+@cache
+def _definition(kind: str, message: str) -> dict[str, str]:
+    """What a bag says of a type of messages."""
+    text, digest = STORES[kind].generate_msgdef(message, ros_version=1 if kind == "bag" else 2)
+    if kind == "bag":
+        return {"msgdef": text, "md5sum": digest}
+    return {"msgdef": text, "rihs01": STORES[kind].hash_rihs01(message)}
+
+
 def _written(kind: str, messages: list[Said]) -> Files:
     store = STORES[kind]
     with tempfile.TemporaryDirectory() as place:
@@ -340,7 +349,7 @@ def _written(kind: str, messages: list[Said]) -> Files:
                 message = _message(store, said)
                 key = (said.topic, message.__msgtype__)
                 if key not in connections:
-                    connections[key] = bag.add_connection(*key, typestore=store)
+                    connections[key] = bag.add_connection(*key, **_definition(kind, key[1]))
                 serialize = store.serialize_ros1 if kind == "bag" else store.serialize_cdr
                 raw = serialize(message, message.__msgtype__)
                 bag.write(connections[key], said.received_ns, raw)
