@@ -14,10 +14,11 @@ from lzma import LZMAError
 from pathlib import Path, PurePosixPath
 
 from slambed.campaign.folder import ResultFolder
-from slambed.campaign.size import plans
+from slambed.campaign.size import keys_of, plans
 from slambed.campaign.store import STORE, RunStore
 from slambed.errors import SlambedError, environment_error
 from slambed.files.atomic import replacing
+from slambed.files.json_file import object_of
 
 NEEDED = ("manifest.json", "summary.json")
 """Of a run: what it takes to know that it is there, and all its numbers."""
@@ -71,6 +72,7 @@ def unpack(file: Path, results: Path) -> tuple[int, int]:
                 found += 1
                 new += _take_run(store, place.parts[1], files, file)
             else:
+                _must_be_whole(files, place, file)
                 experiments.add(place.parts[0])
                 _take_experiment(results / place.parts[0], files)
     except OSError as error:
@@ -148,6 +150,13 @@ def _take_run(store: RunStore, key: str, files: Files, file: Path) -> bool:
     _write(folder, files)
     store.put(key, folder)
     return True
+
+
+def _must_be_whole(files: Files, place: PurePosixPath, file: Path) -> None:
+    """A plan that is torn would be in the way of whatever asks for the results beside it."""
+    plan = PurePosixPath("experiment.json")
+    if plan in files and keys_of(object_of(files[plan])) is None:
+        raise SlambedError(f"{file}: {place / plan} is not whole; pack it again")
 
 
 def _take_experiment(folder: Path, files: Files) -> None:

@@ -64,7 +64,15 @@ class Record(BaseModel):
 def read_object(path: Path) -> dict[str, Any] | None:
     """A JSON object, None when it is not there or not whole."""
     try:
-        content = json.loads(path.read_bytes())
+        return object_of(path.read_bytes())
+    except OSError:
+        return None
+
+
+def object_of(text: bytes) -> dict[str, Any] | None:
+    """A JSON object, None when it is none or not whole."""
+    try:
+        content = json.loads(text)
     except UNREADABLE:
         return None
     return content if isinstance(content, dict) else None

@@ -182,6 +182,19 @@ def test_packed_files_without_a_place(tmp_path: Path, name: str) -> None:
         unpack(file, tmp_path / "results")
 
 
+@pytest.mark.parametrize("plan", [b"{", b"[]", b'{"runs": 3}', b'{"runs": [3]}', b"[" * 100_000])
+def test_a_torn_plan_is_not_put_among_results(tmp_path: Path, plan: bytes) -> None:
+    """It would be in the way of every command that asks for the results beside it."""
+    file = tmp_path / "a.tar.xz"
+    with tarfile.open(file, "w:xz") as out:
+        member = tarfile.TarInfo("tiny/experiment.json")
+        member.size = len(plan)
+        out.addfile(member, io.BytesIO(plan))
+    with pytest.raises(SlambedError, match=r"a\.tar\.xz: tiny/experiment\.json is not whole"):
+        unpack(file, tmp_path / "results")
+    assert not (tmp_path / "results/tiny").exists()
+
+
 def test_a_link_to_itself_is_no_system(tmp_path: Path) -> None:
     (tmp_path / "system.yaml").symlink_to("system.yaml")
     with pytest.raises(SlambedError, match=r"unknown system .*system\.yaml"):

@@ -41,6 +41,8 @@ _UNAVOIDED = re.compile(
 )
 """What libpng says beside our line of a PNG whose checksums are right and whose pixels are not."""
 SHOWN = 12
+PLACES = {"'tiny'", "walk", "cache/prepared", "tiny/experiment.json"}
+"""What a line may name besides the files of the input."""
 OURS = {"in", "out", "stderr", "mutant"}
 
 
@@ -156,7 +158,12 @@ def _wrong_line(error: SlambedError, there: set[str]) -> str:
         return f"{len(line)} characters: {line[:200]}"
     if "bug of slambed" in line:
         return line
-    names = {Path(name).name for name in there} | {"'tiny'", "walk", "cache/prepared"}
+    names = {Path(name).name for name in there} | {
+        "'tiny'",
+        "walk",
+        "cache/prepared",
+        "tiny/experiment.json",
+    }
     if not any(name in line for name in names):
         return f"names no file: {line}"
     return ""
