@@ -14,6 +14,7 @@ import yaml
 from numpy.typing import NDArray
 
 from slambed.data.lens import Lens, coefficients_of, model_of
+from slambed.data.model import LARGEST_SIDE
 from slambed.data.rotations import check_rotation
 from slambed.data.text_file import read_lines
 from slambed.errors import SlambedError
@@ -112,7 +113,7 @@ def _lens(intrinsics: Sequence[Any], model: object, distortion: Sequence[Any], w
 
 def _size(width: Any, height: Any) -> tuple[int, int]:
     size = int(width), int(height)
-    if min(size) < 1:
+    if min(size) < 1 or max(size) > LARGEST_SIDE:
         raise ValueError(f"a picture of {size[0]}x{size[1]} pixels")
     return size
 

@@ -16,6 +16,10 @@ GrayImage = NDArray[np.uint8]
 SecondImage = NDArray[np.uint8] | NDArray[np.uint16]
 
 
+LARGEST_SIDE = 65_535
+"""Of a picture, in pixels."""
+
+
 class Camera(BaseModel):
     """Pinhole camera with OpenCV's radial-tangential distortion; bf is fx times baseline (px m)."""
 

@@ -13,7 +13,7 @@ import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, field_validator, model_validator
 
 from slambed.data.lens import PLAIN_COUNT, Lens, coefficients_of, model_of
-from slambed.data.model import Camera, Sensor
+from slambed.data.model import LARGEST_SIDE, Camera, Sensor
 from slambed.errors import SlambedError
 from slambed.older_names import RECIPES, keys_today
 
@@ -27,8 +27,8 @@ class _Strict(BaseModel):
 class CameraRecipe(_Strict):
     """Camera of the source images; left out where the dataset brings its own calibration."""
 
-    width: int = Field(gt=0, le=65_535)
-    height: int = Field(gt=0, le=65_535)
+    width: int = Field(gt=0, le=LARGEST_SIDE)
+    height: int = Field(gt=0, le=LARGEST_SIDE)
     fx: float = Field(gt=0)
     fy: float = Field(gt=0)
     cx: float

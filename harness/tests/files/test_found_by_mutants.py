@@ -290,6 +290,14 @@ def test_a_parameter_that_is_called_by_a_number(tmp_path: Path) -> None:
         load_profile(tmp_path / "a.yaml")
 
 
+@pytest.mark.parametrize("width", [0, 65_536, 2**31])
+def test_a_calibration_of_no_picture(tmp_path: Path, width: int) -> None:
+    text = f"K: [1, 0, 1, 0, 1, 1, 0, 0, 1]\nD: []\nwidth: {width}\nheight: 9\n"
+    (tmp_path / "a.yaml").write_text(text)
+    with pytest.raises(SlambedError, match=rf"a\.yaml: not .* a picture of {width}x9 pixels"):
+        read_cameras(tmp_path / "a.yaml")
+
+
 def test_a_grid_of_a_number(tmp_path: Path) -> None:
     (tmp_path / "a.yaml").write_text("id: a\nsystems: [{system: x, grid: {1: [1]}}]\n")
     with pytest.raises(SlambedError, match=r"a grid cannot vary '1', .*a\.yaml line 2"):
