@@ -298,6 +298,23 @@ def test_a_calibration_of_no_picture(tmp_path: Path, width: int) -> None:
         read_cameras(tmp_path / "a.yaml")
 
 
+@pytest.mark.filterwarnings("error")
+@pytest.mark.parametrize(
+    ("old", "new", "complaint"),
+    [
+        (b"[12.0,", b"[1e308,", "intrinsics 1e+308 12 8 6, expected focal lengths above 0"),
+        (b"0.1, 0.0, 1.0", b"1e308, 0.0, 1.0", "a number of the pose is 1e+308, expected meters"),
+    ],
+)
+def test_a_camera_as_large_as_the_world(
+    tmp_path: Path, old: bytes, new: bytes, complaint: str
+) -> None:
+    name = "data/walk/mav0/cam1/sensor.yaml"
+    text = subject("euroc").files()[name]
+    assert isinstance(text, bytes) and old in text
+    assert complaint in line_of("euroc", {name: text.replace(old, new)}, tmp_path)
+
+
 def test_a_grid_of_a_number(tmp_path: Path) -> None:
     (tmp_path / "a.yaml").write_text("id: a\nsystems: [{system: x, grid: {1: [1]}}]\n")
     with pytest.raises(SlambedError, match=r"a grid cannot vary '1', .*a\.yaml line 2"):

@@ -38,8 +38,10 @@ LARGEST_BYTES = 300 << 20
 LONGEST_LINE = 1500
 _UNAVOIDED = re.compile(
     rb"libpng (error|warning): (bad adaptive filter value|Not enough image data|IDAT: .*)\n"
+    rb"|(Corrupt JPEG data|Premature end of JPEG|Inconsistent progression|Invalid SOS).*\n"
 )
-"""What libpng says beside our line of a PNG whose checksums are right and whose pixels are not."""
+"""What libpng says beside our line of a PNG whose checksums are right and whose pixels are not, and
+libjpeg of a JPEG that it shows as far as it can: OpenCV does not report that."""
 SHOWN = 12
 PLACES = {"'tiny'", "walk", "cache/prepared", "tiny/experiment.json"}
 """What a line may name besides the files of the input."""
