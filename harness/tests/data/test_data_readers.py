@@ -414,7 +414,7 @@ def test_an_equidistant_rig_is_rectified_by_its_model(tmp_path: Path) -> None:
         (
             "intrinsics: [458.654",
             "intrinsics: [-1",
-            "intrinsics -1 457.296 .*focal lengths above 0",
+            "intrinsics -1 457.296 .*lengths above 0",
         ),
         ("intrinsics", "intrinsic", "key 'intrinsics' is missing"),
         ("resolution: [752, 480]", "resolution: none", "not an ASL sensor.yaml"),
