@@ -1,7 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
 """The one exception a user may see, and the exit codes (docs/reference/exit-codes.md)."""
 
+import re
 from enum import IntEnum
+
+_LONGEST_LINE = 1200
+_LONG_WORD = re.compile(r"\S{200,}")
 
 
 class ExitCode(IntEnum):
@@ -19,8 +23,25 @@ class SlambedError(Exception):
     """A failure reported in one line: what, where, what to do."""
 
     def __init__(self, line: str, code: ExitCode = ExitCode.BAD_INPUT) -> None:
-        super().__init__(line)
+        super().__init__(printable(line))
         self.code = code
+
+
+def printable(line: str) -> str:
+    """Whatever a file has, what is shown of it is short and does nothing to a terminal."""
+    if not line.isprintable():
+        line = "".join(letter if letter.isprintable() else _escaped(letter) for letter in line)
+    if len(line) > _LONGEST_LINE:
+        line = _LONG_WORD.sub(lambda word: f"{word[0][:80]}...{word[0][-40:]}", line)
+    if len(line) > _LONGEST_LINE:
+        line = f"{line[: _LONGEST_LINE // 2]} ... {line[-_LONGEST_LINE // 3 :]}"
+    return line
+
+
+def _escaped(letter: str) -> str:
+    if letter in "\n\r\t":
+        return " "
+    return letter.encode("unicode_escape", "surrogatepass").decode("ascii")
 
 
 class PassingError(SlambedError):

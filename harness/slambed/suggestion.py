@@ -7,14 +7,14 @@ from difflib import get_close_matches
 
 def suggestion(word: str, known: Iterable[str]) -> str:
     """Returns `did you mean 'x'?` for a near miss, else the list of known names."""
-    names = sorted(set(known))
+    names = sorted({str(name) for name in known})  # a key of YAML may be a number
     return _near(word, names) or (f"known: {', '.join(names)}" if names else "")
 
 
 def did_you_mean(word: str, known: Iterable[str]) -> str:
     """Returns `, did you mean 'x'?` for a near miss, else nothing; the known names are listed
     elsewhere."""
-    near = _near(word, list(known))
+    near = _near(word, [str(name) for name in known])
     return f", {near}" if near else ""
 
 

@@ -14,10 +14,11 @@ from lzma import LZMAError
 from pathlib import Path, PurePosixPath
 
 from slambed.campaign.folder import ResultFolder
-from slambed.campaign.size import plans
+from slambed.campaign.size import keys_of, plans
 from slambed.campaign.store import STORE, RunStore
 from slambed.errors import SlambedError, environment_error
 from slambed.files.atomic import replacing
+from slambed.files.json_file import object_of
 
 NEEDED = ("manifest.json", "summary.json")
 """Files that prove that a run exists and hold all its metrics."""
@@ -68,8 +69,9 @@ def unpack(file: Path, results: Path) -> tuple[int, int]:
         for place, files in _members(file):
             if place.parts[0] == STORE:
                 found += 1
-                new += _take_run(store, place.parts[1], files)
+                new += _take_run(store, place.parts[1], files, file)
             else:
+                _must_be_whole(files, place, file)
                 experiments.add(place.parts[0])
                 _take_experiment(results / place.parts[0], files)
     except OSError as error:
@@ -107,11 +109,10 @@ def _members(file: Path) -> Iterator[tuple[PurePosixPath, Files]]:
     with _readable(file) as stream:
         for member in stream:
             path = PurePosixPath(member.name)
-            if not member.isreg() or path.is_absolute() or ".." in path.parts:
-                raise SlambedError(f"{file} is no file of `slambed results pack`: {member.name}")
-            depth = 2 if path.parts[0] == STORE else 1
-            if len(path.parts) <= depth:
-                raise SlambedError(f"{file} is no file of `slambed results pack`: {member.name}")
+            depth = 2 if path.parts[:1] == (STORE,) else 1
+            outside = path.is_absolute() or ".." in path.parts
+            if not member.isreg() or outside or len(path.parts) <= depth:
+                raise SlambedError(f"{file} is no file of `slambed results pack`: {member.name!r}")
             folder = PurePosixPath(*path.parts[:depth])
             if folder != place:
                 if place is not None:
@@ -137,10 +138,10 @@ def _readable(file: Path) -> Iterator[tarfile.TarFile]:
         raise SlambedError(f"cannot read {file}: {error.strerror}") from None
 
 
-def _take_run(store: RunStore, key: str, files: Files) -> bool:
+def _take_run(store: RunStore, key: str, files: Files, file: Path) -> bool:
     """Returns whether the run was added."""
     if missing := [name for name in NEEDED if PurePosixPath(name) not in files]:
-        raise SlambedError(f"run {key} has no {missing[0]}; pack it again")
+        raise SlambedError(f"{file}: run {key} has no {missing[0]}; pack it again")
     if store.state(key) == "valid":
         return False
     assert store.work is not None
@@ -148,6 +149,13 @@ def _take_run(store: RunStore, key: str, files: Files) -> bool:
     _write(folder, files)
     store.put(key, folder)
     return True
+
+
+def _must_be_whole(files: Files, place: PurePosixPath, file: Path) -> None:
+    """Refuses a torn plan, which would block every command on the results folder."""
+    plan = PurePosixPath("experiment.json")
+    if plan in files and keys_of(object_of(files[plan])) is None:
+        raise SlambedError(f"{file}: {place / plan} is not whole; pack it again")
 
 
 def _take_experiment(folder: Path, files: Files) -> None:

@@ -4,6 +4,7 @@
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 from slambed.campaign.store import RunStore
 from slambed.errors import SlambedError
@@ -26,12 +27,19 @@ class Size:
 def plans(results: Path) -> Iterator[tuple[str, set[str]]]:
     """Yields every experiment with the keys in its plans, for all engines."""
     for path in sorted(results.glob("*/experiment.json")):
-        content = read_object(path)
-        listed = (content or {}).get("runs")
-        if not isinstance(listed, list):
+        keys = keys_of(read_object(path))
+        if keys is None:
             # Its runs are unknown, so it is not safe to delete any.
             raise SlambedError(f"{path} is not whole; run the experiment again first")
-        yield path.parent.name, {str(run["run_key"]) for run in listed if "run_key" in run}
+        yield path.parent.name, keys
+
+
+def keys_of(plan: dict[str, Any] | None) -> set[str] | None:
+    """Returns the keys of the runs in an experiment.json; None if it has none."""
+    listed = (plan or {}).get("runs")
+    if not isinstance(listed, list) or not all(isinstance(run, dict) for run in listed):
+        return None
+    return {str(run["run_key"]) for run in listed if "run_key" in run}
 
 
 def size_of(store: RunStore, keys: set[str]) -> Size:

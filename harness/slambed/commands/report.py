@@ -279,8 +279,11 @@ def evaluate(
         raise SlambedError(f"unknown association '{association}'; known: nearest, tum")
     method: Literal["nearest", "tum"] = "tum" if association == "tum" else "nearest"
     own, true = read_tum(estimate), read_tum(truth)
-    ate = absolute_error(own, true, max_difference_s, method, with_scale)
-    rpe = relative_error(own, true, delta_s, max_difference_s=max_difference_s, method=method)
+    try:
+        ate = absolute_error(own, true, max_difference_s, method, with_scale)
+        rpe = relative_error(own, true, delta_s, max_difference_s=max_difference_s, method=method)
+    except SlambedError as error:
+        raise SlambedError(f"{estimate} against {truth}: {error}", error.code) from None
     if as_json:
         print_json({"ate_m": asdict(ate), "rpe": asdict(rpe)})
         return

@@ -14,6 +14,7 @@ import yaml
 from numpy.typing import NDArray
 
 from slambed.data.lens import Lens, coefficients_of, model_of
+from slambed.data.model import LARGEST_SIDE
 from slambed.data.rotations import check_rotation
 from slambed.data.text_file import read_lines
 from slambed.errors import SlambedError
@@ -21,6 +22,8 @@ from slambed.files.yaml_text import read_yaml
 
 Floats = NDArray[np.float64]
 
+#: Of pixels and meters in a calibration.
+_LARGEST = 1e6
 _OPENCV = re.compile(r"^%YAML:?\s*1\.0\s*$|!!opencv[-_]matrix|!!opencv[-_]nd[-_]matrix", re.M)
 
 
@@ -98,22 +101,26 @@ def _checked(
         return read(data, str(file))
     except KeyError as missing:
         raise SlambedError(f"{file}: key {missing} is missing, which {kind} has") from None
-    except (TypeError, ValueError, AttributeError, IndexError) as broken:
+    except (TypeError, ValueError, OverflowError, AttributeError, IndexError) as broken:
         raise SlambedError(f"{file}: not {kind}: {broken}; correct the file") from None
 
 
 def _lens(intrinsics: Sequence[Any], model: object, distortion: Sequence[Any], where: str) -> Lens:
     fx, fy, cx, cy = (float(value) for value in intrinsics)
     matrix = np.array([[fx, 0, cx], [0, fy, cy], [0, 0, 1]])
-    if not (fx > 0 and fy > 0 and np.isfinite(matrix).all()):
-        raise SlambedError(f"{where}: focal lengths {fx:g} and {fy:g}, expected above 0")
+    if not (fx > 0 and fy > 0 and np.abs(matrix).max() <= _LARGEST):
+        found = " ".join(f"{value:g}" for value in (fx, fy, cx, cy))
+        raise SlambedError(
+            f"{where}: intrinsics {found}, expected focal lengths above 0, in pixels; "
+            "calibrate again"
+        )
     name = model_of(str(model), where)
     return Lens(matrix, coefficients_of([float(v) for v in distortion], name, where), name)
 
 
 def _size(width: Any, height: Any) -> tuple[int, int]:
     size = int(width), int(height)
-    if min(size) < 1:
+    if min(size) < 1 or max(size) > LARGEST_SIDE:
         raise ValueError(f"a picture of {size[0]}x{size[1]} pixels")
     return size
 
@@ -129,8 +136,11 @@ def _must_be_pinhole(data: Mapping[str, Any], where: str) -> None:
 def _pose(values: Any, where: str) -> Floats:
     matrix = np.array(values, dtype=np.float64).reshape(4, 4)
     check_rotation(matrix[:3, :3], where)
-    if not np.isfinite(matrix).all():
-        raise SlambedError(f"{where}: a number of the pose is not finite; calibrate again")
+    if not np.abs(matrix).max() <= _LARGEST:
+        raise SlambedError(
+            f"{where}: a number of the pose is {np.abs(matrix).max():g}, expected meters; "
+            "calibrate again"
+        )
     return matrix
 
 

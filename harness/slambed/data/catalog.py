@@ -15,6 +15,7 @@ from slambed.data.readers import ReaderOptions, SequenceReader, load_reader
 from slambed.data.recipe import UNVERIFIED, Dataset, split_pattern
 from slambed.data.recipe_file import DATASET_FILE, dataset_files, dataset_name, load_recipe
 from slambed.errors import MissingDataError, SlambedError
+from slambed.files.outputs import is_file, resolved
 from slambed.native import left_behind, repository_root
 from slambed.suggestion import did_you_mean
 
@@ -74,7 +75,7 @@ class Catalog:
     def get(self, name: str) -> Dataset:
         """Returns the dataset with this id or alias, or of this file."""
         if name.endswith(YAML):
-            return self._of_file(Path(name).resolve())
+            return self._of_file(resolved(Path(name)))
         if (error := self.ambiguous.get(name)) is not None:
             raise error
         for dataset in self.datasets.values():
@@ -94,14 +95,14 @@ class Catalog:
     def _of_file(self, file: Path) -> Dataset:
         """Adds a file, and the dataset files next to it that it refers to."""
         for name, known in self.files.items():
-            if known.resolve() == file:
+            if resolved(known) == file:
                 return self.get(name)
-        if not file.is_file():
+        if not is_file(file):
             raise SlambedError(f"there is no dataset file {file}")
         dataset = self._add(file)
         for name in (*dataset.first_of, *filter(None, [dataset.window_of])):
             beside = (file.with_name(f"{name}.yaml"), file.with_name(name) / DATASET_FILE)
-            if name not in self.files and (found := [p for p in beside if p.is_file()]):
+            if name not in self.files and (found := [p for p in beside if is_file(p)]):
                 self._of_file(found[0])
         return dataset
 
@@ -182,7 +183,7 @@ class Catalog:
         """Searches next to the dataset files first, so that the path is the same on every
         machine; then like other data."""
         folders = [self._home(dataset), *self._looked_in(dataset)]
-        return next((f / wanted for f in folders if (f / wanted).is_file()), None)
+        return next((f / wanted for f in folders if is_file(f / wanted)), None)
 
     def _home(self, dataset: Dataset) -> Path:
         """Returns the folder of the dataset's file."""
@@ -222,7 +223,7 @@ class Catalog:
             if (kept := cache.find(dataset)) is not None:
                 return PreparedSequence.open(kept)
             raise MissingDataError(self._missing(dataset))
-        if (source / SEQUENCE_FILE).is_file():
+        if is_file(source / SEQUENCE_FILE):
             return PreparedSequence.open(source)
         reader = open_source(dataset, *self._located(dataset))
         return cache.get(dataset, SourceJob(dataset, reader), progress, notify)
@@ -232,7 +233,7 @@ class Catalog:
         have to."""
         dataset = self.whole(self.resolve(name, cache_dir))
         source = self.locate(dataset)
-        if source is None or not (source / SEQUENCE_FILE).is_file():
+        if source is None or not is_file(source / SEQUENCE_FILE):
             source = SequenceCache(places.prepared_folder(cache_dir)).find(dataset)
         return None if source is None else PreparedSequence.open(source)
 
@@ -280,7 +281,11 @@ def open_source(dataset: Dataset, source: Path, *more: Path) -> SequenceReader:
         further_parts=more,
         extra=dataset.reader_options,
     )
-    return load_reader(dataset.reader)(source, options)
+    try:
+        reader = load_reader(dataset.reader)
+    except SlambedError as unknown:
+        raise SlambedError(f"dataset '{dataset.id}': {unknown}") from None
+    return reader(source, options)
 
 
 def prepare(
@@ -291,6 +296,6 @@ def prepare(
 ) -> PreparedSequence:
     """Prepares a dataset of the checkout's catalog; the path of a prepared folder is opened
     unchanged."""
-    if (Path(dataset_id) / SEQUENCE_FILE).is_file():
+    if is_file(Path(dataset_id) / SEQUENCE_FILE):
         return PreparedSequence.open(dataset_id)
     return Catalog.load().prepare(dataset_id, cache_dir, progress, notify)

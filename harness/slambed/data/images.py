@@ -3,20 +3,16 @@
 
 from __future__ import annotations
 
-import re
 from pathlib import Path
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from slambed.data.encoded_picture import check_picture
 from slambed.data.model import GrayImage
 from slambed.errors import SlambedError
 
-_PNG_START, _PNG_END = b"\x89PNG\r\n\x1a\n", b"IEND\xaeB`\x82"
-_JPEG_START, _JPEG_END = b"\xff\xd8", b"\xff\xd9"
-#: JPEG markers within image data, without stuffed bytes, restart markers and fill bytes.
-_JPEG_MARKER = re.compile(rb"\xff[^\x00\xd0-\xd7\xff]")
 #: Pixels in sensor orientation: calibrations do not consider EXIF orientation. Images of 16 bits
 #: are not silently reduced to 8.
 GRAY = cv2.IMREAD_GRAYSCALE | cv2.IMREAD_ANYDEPTH | cv2.IMREAD_IGNORE_ORIENTATION
@@ -85,14 +81,7 @@ def other_size(
 def decode(data: bytes, flags: int, name: str) -> NDArray[np.uint8] | NDArray[np.uint16]:
     """Decodes an image. A truncated file is an error even if the decoder would accept it;
     trailing bytes, as added by cameras and web servers, are allowed."""
-    for start, kind, is_whole in (
-        (_PNG_START, "PNG", _png_is_whole),
-        (_JPEG_START, "JPEG", _jpeg_is_whole),
-    ):
-        if data.startswith(start) and not is_whole(data):
-            raise SlambedError(
-                f"{name}: {kind} is truncated ({len(data)} bytes); fetch the file again"
-            )
+    check_picture(data, name)
     try:
         image = cv2.imdecode(np.frombuffer(data, np.uint8), flags) if data else None
     except cv2.error:  # invalid image size
@@ -100,31 +89,6 @@ def decode(data: bytes, flags: int, name: str) -> NDArray[np.uint8] | NDArray[np
     if image is None:
         raise SlambedError(f"{name}: cannot be decoded as an image; fetch the file again")
     return image  # type: ignore[return-value]
-
-
-def _png_is_whole(data: bytes) -> bool:
-    if data.endswith(_PNG_END):
-        return True
-    at = len(_PNG_START)
-    while at + 12 <= len(data):
-        end = at + 12 + int.from_bytes(data[at : at + 4], "big")
-        if data[at + 4 : at + 8] == _PNG_END[:4]:
-            return end <= len(data)
-        at = end
-    return False
-
-
-def _jpeg_is_whole(data: bytes) -> bool:
-    """Walks over the segments, because a thumbnail in EXIF has its own end marker."""
-    if data.endswith(_JPEG_END):
-        return True
-    at = len(_JPEG_START)
-    while (marker := _JPEG_MARKER.search(data, at)) is not None:
-        if marker[0] == _JPEG_END:
-            return True
-        at = marker.end()
-        at += int.from_bytes(data[at : at + 2], "big")
-    return False
 
 
 def _bytes(path: Path) -> bytes:

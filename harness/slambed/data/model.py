@@ -16,10 +16,14 @@ GrayImage = NDArray[np.uint8]
 SecondImage = NDArray[np.uint8] | NDArray[np.uint16]
 
 
+LARGEST_SIDE = 65_535
+"""Of a picture, in pixels."""
+
+
 class Camera(BaseModel):
     """Pinhole camera with OpenCV's radial-tangential distortion; bf is fx times baseline (px m)."""
 
-    model_config = ConfigDict(extra="forbid", frozen=True)
+    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
 
     fx: float = Field(gt=0)
     fy: float = Field(gt=0)

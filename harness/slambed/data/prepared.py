@@ -102,12 +102,14 @@ class PreparedSequence:
                 f"{path} is not a prepared sequence: {missing.filename} is missing; "
                 "make it with 'slambed data prepare'"
             ) from missing
-        except (json.JSONDecodeError, UnicodeDecodeError) as broken:
-            raise _corrupt(header_file, f"not JSON ({broken})") from broken
+        except OSError as refused:
+            raise _corrupt(Path(refused.filename or path), str(refused.strerror)) from refused
         except ValidationError as invalid:
             first = invalid.errors()[0]
             where = ".".join(str(part) for part in first["loc"])
             raise _corrupt(header_file, f"{where}: {first['msg'].lower()}") from invalid
+        except (ValueError, RecursionError) as broken:
+            raise _corrupt(header_file, f"not JSON ({broken})") from broken
         if len(index_bytes) != info.frames * INDEX_DTYPE.itemsize:
             raise _corrupt(path / INDEX_FILE, f"{len(index_bytes)} bytes, not {info.frames} x 16")
         if info.frame_stride_bytes < block_bytes(info.sensor, info.width, info.height):

@@ -13,7 +13,7 @@ import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, field_validator, model_validator
 
 from slambed.data.lens import PLAIN_COUNT, Lens, coefficients_of, model_of
-from slambed.data.model import Camera, Sensor
+from slambed.data.model import LARGEST_SIDE, Camera, Sensor
 from slambed.errors import SlambedError
 from slambed.older_names import RECIPES, keys_today
 
@@ -21,15 +21,15 @@ UNVERIFIED = "unverified here"
 
 
 class _Strict(BaseModel):
-    model_config = ConfigDict(extra="forbid", frozen=True)
+    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
 
 
 class CameraRecipe(_Strict):
     """Camera of the source images; omitted if the dataset has its own calibration."""
 
-    width: int = Field(gt=0)
+    width: int = Field(gt=0, le=LARGEST_SIDE)
     """In pixels."""
-    height: int = Field(gt=0)
+    height: int = Field(gt=0, le=LARGEST_SIDE)
     """In pixels."""
     fx: float = Field(gt=0)
     """Focal length along a row, in pixels."""

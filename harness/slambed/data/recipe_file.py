@@ -5,6 +5,7 @@ fix."""
 from pathlib import Path
 
 from slambed.data.recipe import Dataset
+from slambed.files.outputs import resolved
 from slambed.files.yaml_source import load_yaml, read_model
 
 DATASET_FILE = "dataset.yaml"
@@ -18,7 +19,7 @@ def dataset_files(folder: Path) -> list[Path]:
 
 def dataset_name(path: Path) -> str:
     """Returns the id that a dataset file must have."""
-    return path.resolve().parent.name if path.name == DATASET_FILE else path.stem
+    return resolved(path).parent.name if path.name == DATASET_FILE else path.stem
 
 
 def load_recipe(path: Path) -> Dataset:

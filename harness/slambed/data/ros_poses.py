@@ -63,12 +63,19 @@ def _stamped(message: Any, where: str) -> Iterator[Any]:
 
 
 def _is_stamped(message: Any, where: str) -> bool:
-    if not hasattr(message, "header"):
+    if not hasattr(getattr(getattr(message, "header", None), "stamp", None), "nanosec"):
         raise _unknown(message, where)
     return True
 
 
 def _pose(message: Any, where: str) -> Pose:
+    try:
+        return [float(value) for value in _numbers(message, where)]
+    except (AttributeError, TypeError, ValueError):
+        raise _unknown(message, where) from None
+
+
+def _numbers(message: Any, where: str) -> Pose:
     if hasattr(message, "point"):
         return [message.point.x, message.point.y, message.point.z]
     if hasattr(message, "transform"):

@@ -15,7 +15,8 @@ Floats = NDArray[np.float64]
 
 def check_rotation(matrix: Floats, where: str) -> None:
     """Raises SlambedError if the matrix [3,3] is no rotation."""
-    apart = float(np.abs(matrix @ matrix.T - np.eye(3)).max())
+    with np.errstate(over="ignore", invalid="ignore"):  # what is so far off is refused below
+        apart = float(np.abs(matrix @ matrix.T - np.eye(3)).max())
     if not apart < _TOLERANCE:
         raise SlambedError(
             f"{where}: not a rotation: its rows are not of length 1 and at right angles "
@@ -27,7 +28,8 @@ def check_rotation(matrix: Floats, where: str) -> None:
 
 def check_quaternions(quaternions: Floats, where: list[str]) -> None:
     """Raises SlambedError for the first quaternion [N,4] whose length is not 1."""
-    lengths = np.linalg.norm(quaternions, axis=1)
+    with np.errstate(over="ignore"):
+        lengths = np.linalg.norm(quaternions, axis=1)
     for i in np.flatnonzero(~(np.abs(lengths - 1) < 5 * _TOLERANCE)):
         raise SlambedError(
             f"{where[i]}: not a rotation: the quaternion has length {lengths[i]:.4g}, expected 1; "

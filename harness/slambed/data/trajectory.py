@@ -20,6 +20,8 @@ Floats = NDArray[np.float64]
 
 COLUMNS = 8
 EXPECTED = "expected 'time tx ty tz qx qy qz qw'"
+LATEST = float(2**63)
+"""Largest time, whose unit may be the nanosecond."""
 
 
 @dataclass(frozen=True, repr=False)
@@ -85,8 +87,13 @@ def read_tum(path: Path) -> Trajectory:
     rows = _read_rows(path)
     if len(rows) == 0:
         return EMPTY
-    if np.any(np.linalg.norm(rows[:, 4:], axis=1) < 1e-6):
-        raise SlambedError(f"{path}: not a pose, a quaternion is zero; {EXPECTED}")
+    with np.errstate(over="ignore"):
+        lengths = np.linalg.norm(rows[:, 4:], axis=1)
+    if (wrong := np.flatnonzero((lengths < 1e-6) | (lengths > 1e6))).size:
+        raise SlambedError(
+            f"{path}: not a pose, the quaternion at {rows[wrong[0], 0]:.6f} s has length "
+            f"{lengths[wrong[0]]:g}; {EXPECTED}"
+        )
     return Trajectory.of_rows(rows[np.argsort(rows[:, 0], kind="stable")])
 
 
@@ -117,20 +124,26 @@ def _read_rows(path: Path) -> Floats:
     lines = read_lines(path)
     if (plain := _plain_rows(lines)) is not None:
         return plain
-    rows = [values for _, values in pose_rows(path, COLUMNS, EXPECTED.removeprefix("expected "))]
+    rows = []
+    for number, values in pose_rows(path, COLUMNS, EXPECTED.removeprefix("expected ")):
+        if abs(values[0]) > LATEST:
+            raise SlambedError(f"{path}:{number}: {values[0]:g} is not a time; {EXPECTED}")
+        rows.append(values)
     return np.array(rows, dtype=np.float64).reshape(-1, COLUMNS)
 
 
 def _plain_rows(lines: list[str]) -> Floats | None:
     """Parses a regular file at once; returns None for a file that must be parsed by line: with
     commas, malformed numbers, or no rows."""
-    if not any(line and line[0] != "#" for line in lines):
+    if not any((word := line.lstrip()) and word[0] != "#" for line in lines):
         return None
     try:
         rows = np.loadtxt(lines, dtype=np.float64, comments="#", ndmin=2)
     except ValueError:
         return None
-    return rows if rows.size and rows.shape[1] == COLUMNS and np.isfinite(rows).all() else None
+    if not rows.size or rows.shape[1] != COLUMNS or not np.isfinite(rows).all():
+        return None
+    return rows if np.abs(rows[:, 0]).max() <= LATEST else None
 
 
 def _quaternion(rotation: Floats) -> Floats:

@@ -14,6 +14,9 @@ from pydantic import (
     model_serializer,
 )
 
+UNREADABLE = (OSError, ValueError, RecursionError)
+"""What a file is that holds no JSON: thousands of brackets are none, either."""
+
 
 class Record(BaseModel):
     """A JSON object of a file, or a nested object with its own keys.
@@ -29,7 +32,7 @@ class Record(BaseModel):
         """Reads a file; None if it is missing, truncated or no record of this kind."""
         try:
             return cls.model_validate_json(path.read_bytes())
-        except (OSError, ValueError):
+        except UNREADABLE:
             return None
 
     @classmethod
@@ -61,8 +64,16 @@ class Record(BaseModel):
 def read_object(path: Path) -> dict[str, Any] | None:
     """Reads a JSON object; None if the file is missing or truncated."""
     try:
-        content = json.loads(path.read_bytes())
-    except (OSError, ValueError):
+        return object_of(path.read_bytes())
+    except OSError:
+        return None
+
+
+def object_of(text: bytes) -> dict[str, Any] | None:
+    """A JSON object, None when it is none or not whole."""
+    try:
+        content = json.loads(text)
+    except UNREADABLE:
         return None
     return content if isinstance(content, dict) else None
 
@@ -79,7 +90,7 @@ def object_or_empty(
         if needed:
             complaints.append(f"{path.name}: missing")
         return {}
-    except (OSError, ValueError) as error:
+    except UNREADABLE as error:
         complaints.append(f"{path.name}: unreadable ({error})")
         return {}
     return content if isinstance(content, dict) else {}
@@ -89,6 +100,6 @@ def read_list(path: Path) -> list[Any]:
     """Reads a JSON list; empty if the file is missing or truncated."""
     try:
         content = json.loads(path.read_bytes())
-    except (OSError, ValueError):
+    except UNREADABLE:
         return []
     return content if isinstance(content, list) else []

@@ -12,6 +12,23 @@ from slambed.errors import SlambedError
 FIGURES = (".png", ".svg", ".pdf")
 
 
+def resolved(path: Path) -> Path:
+    """Without links and `..`; of a link to itself, which Path.resolve() takes for an error, itself:
+    whoever opens it says what is wrong."""
+    return Path(os.path.realpath(path))
+
+
+def at_home(name: str) -> Path:
+    """With the home folder for `~`; of a user who does not exist, as it is written."""
+    return Path(os.path.expanduser(name))  # noqa: PTH111
+
+
+def is_file(path: Path) -> bool:
+    """Whether it is one; a name that no file can have is none, which Path.is_file() takes for an
+    error."""
+    return os.path.isfile(path)  # noqa: PTH113
+
+
 @contextmanager
 def writing(path: Path, option: str = "--output") -> Iterator[None]:
     """Turns an OSError while writing to the path given by `option` into a SlambedError."""

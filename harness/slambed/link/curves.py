@@ -14,6 +14,10 @@ from pydantic import AfterValidator, BaseModel, ConfigDict, Field, model_validat
 
 Times = NDArray[np.float64]
 
+LONGEST_MS = 60_000.0
+"""One way; a longer delay is taken for a wrong unit."""
+SHORTEST_S = 1e-3
+"""Shortest period of what repeats: the link is evaluated every 10 ms."""
 STRICT = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
 
 
@@ -139,7 +143,7 @@ class Sine(BaseModel):
     """Mean of the wave."""
     amplitude_ms: float
     """Amplitude of the wave."""
-    period_s: float = Field(gt=0)
+    period_s: float = Field(ge=SHORTEST_S)
     """Period of the wave."""
     phase_deg: float = 0.0
     """Phase at run time 0."""
@@ -246,7 +250,7 @@ class Repeat(_Wrapped):
 
     kind: ClassVar[str] = "repeat"
 
-    period_s: float = Field(gt=0)
+    period_s: float = Field(ge=SHORTEST_S)
     """Length of the part that repeats."""
 
     def at(self, t: Times) -> Times:

@@ -5,6 +5,7 @@ from typing import Literal
 
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 
+from slambed.link.curves import LONGEST_MS, SHORTEST_S
 from slambed.link.direction import JitterConfig, LossConfig
 
 STRICT = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
@@ -18,17 +19,17 @@ class Jitter(BaseModel):
 
     shape: Literal["normal", "pareto"] = "normal"
     """Distribution of the extra delay."""
-    sd_ms: float | None = Field(default=None, gt=0)
+    sd_ms: float | None = Field(default=None, gt=0, le=LONGEST_MS)
     """normal: standard deviation; the mean is 0, and the total delay never drops below 0."""
-    mean_ms: float | None = Field(default=None, gt=0)
+    mean_ms: float | None = Field(default=None, gt=0, le=LONGEST_MS)
     """pareto: mean of the extra delay, which starts at 0."""
     tail: float = Field(default=3.0, gt=1, le=100)
     """pareto: tail index; a smaller index means a heavier tail."""
-    max_ms: float | None = Field(default=None, gt=0)
+    max_ms: float | None = Field(default=None, gt=0, le=LONGEST_MS)
     """Largest extra delay; null: no bound."""
     correlation: float = Field(default=0.0, ge=0, lt=1)
     """Correlation between successive packets."""
-    correlation_s: float | None = Field(default=None, gt=0)
+    correlation_s: float | None = Field(default=None, gt=0, le=1e6)
     """Time constant of correlation in time, exp(-dt / this), which is independent of the packet
     rate."""
 
@@ -137,7 +138,7 @@ class Bandwidth(BaseModel):
     """Constant rate in Mbit/s."""
     trace: str | None = None
     """Path of a Mahimahi file; it repeats from its start when it ends."""
-    queue_bytes: int | None = Field(default=None, ge=3000)
+    queue_bytes: int | None = Field(default=None, ge=3000, le=2**40)
     """Default: what the mean rate carries in 200 ms, at least 64 KiB."""
 
     @model_validator(mode="after")
@@ -152,11 +153,11 @@ class Gap(BaseModel):
 
     model_config = STRICT
 
-    start_s: float = Field(ge=0)
+    start_s: float = Field(ge=0, le=1e6)
     """Run time at which it begins."""
-    length_s: float = Field(gt=0)
+    length_s: float = Field(gt=0, le=1e6)
     """How long nothing arrives."""
-    every_s: float | None = Field(default=None, gt=0)
+    every_s: float | None = Field(default=None, ge=SHORTEST_S, le=1e6)
     """Repeats the outage with this period."""
 
     @model_validator(mode="after")

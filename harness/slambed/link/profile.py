@@ -14,15 +14,16 @@ from typing import Any, Literal
 import numpy as np
 
 from slambed.errors import SlambedError
+from slambed.files.outputs import is_file
 from slambed.files.yaml_source import in_words, load_yaml
-from slambed.link.curves import Curve, Times
+from slambed.link.curves import LONGEST_MS, Curve, Times
 from slambed.link.impairments import Bandwidth, Gap, Jitter, PacketLoss, Side
 from slambed.link.profile_reader import ProfileReader, substitute
 from slambed.link.traces import check_digest, find_trace, read_rate_trace, sha256_of
 from slambed.native import repository_root
 from slambed.suggestion import suggestion
 
-LONGEST_MS = 60_000.0
+LONGEST_S = 100_000.0
 """Maximum one-way delay; a longer one indicates a wrong unit."""
 CHECK_STEP_S = 0.01
 CHECK_FOREVER_S = 900.0
@@ -106,7 +107,7 @@ def load_profile(name_or_path: str | Path, params: Mapping[str, float] | None = 
     text = str(name_or_path)
     named = not text.endswith((".yaml", ".yml"))
     path = profiles_folder() / f"{text}.yaml" if named else Path(text)
-    if named and not path.is_file():
+    if named and not is_file(path):
         near = suggestion(text, profile_names())
         raise SlambedError(f"unknown profile '{text}', no {path}; {near}")
     source = load_yaml(path)
@@ -267,8 +268,12 @@ def _duration(
     data: Mapping[str, Any], curves: tuple[Curve, Curve], reader: ProfileReader
 ) -> float | None:
     if (asked := data.get("duration_s")) is not None:
-        if isinstance(asked, bool) or not isinstance(asked, int | float) or not asked >= 0:
-            raise reader.complaint(f"expected seconds, not {in_words(asked)}", "duration_s")
+        is_number = isinstance(asked, int | float) and not isinstance(asked, bool)
+        if not is_number or not 0 <= asked <= LONGEST_S:
+            found = in_words(asked)
+            raise reader.complaint(
+                f"expected seconds up to {LONGEST_S:g}, not {found}", "duration_s"
+            )
         return float(asked)
     ends = [curve.duration_s() for curve in curves]
     return None if None in ends else max(end for end in ends if end is not None)
@@ -277,6 +282,11 @@ def _duration(
 def _check_values(profile: Profile, reader: ProfileReader) -> None:
     curve_ends = [curve.duration_s() for curve in (profile.up_curve, profile.down_curve)]
     horizon = max([CHECK_FOREVER_S if end is None else end for end in curve_ends])
+    if not horizon <= LONGEST_S:
+        raise reader.complaint(
+            f"the profile lasts {horizon:g} s, more than {LONGEST_S:g} s",
+            advice="times are seconds; of a long trace give start_s and length_s",
+        )
     t = np.arange(0.0, horizon + CHECK_STEP_S, CHECK_STEP_S)
     for side, values in (("up", profile.up_ms(t)), ("down", profile.down_ms(t))):
         if (bad := np.flatnonzero(~np.isfinite(values))).size:

@@ -13,12 +13,14 @@ from pydantic import BaseModel, ConfigDict, Field
 from slambed.data.places import search_path
 from slambed.data.text_file import read_lines
 from slambed.errors import SlambedError
+from slambed.files.outputs import at_home, is_file
 from slambed.link.curves import Trace
 from slambed.link.ping import read_ping
 from slambed.native import repository_root
 from slambed.suggestion import suggestion
 
 MAHIMAHI_PACKET_BITS = 1500 * 8
+_LONGEST_RATE_MS = 10**9
 _MAX_GAP_S = 1.0
 _UNITS_S = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
 
@@ -58,14 +60,14 @@ class TraceFile(BaseModel):
 
 def find_trace(name: str, near: Path | None) -> Path:
     """Returns the path of a trace file. Raises SlambedError with the places searched."""
-    path = Path(name).expanduser()
+    path = at_home(name)
     if path.is_absolute():
         candidates = [path]
     else:
         folders = [repository_root() / "netem_profiles", *search_path()]
         candidates = [folder / path for folder in ([near] if near else []) + folders]
     for candidate in candidates:
-        if candidate.is_file():
+        if is_file(candidate):
             return candidate
     places = ", ".join(str(candidate.parent) for candidate in candidates)
     raise SlambedError(f"trace file '{name}' not found, looked in {places}; set SLAMBED_DATA")
@@ -196,6 +198,11 @@ def read_rate_trace(name: str, near: Path | None) -> list[int]:
             ) from None
         if time_ms < (opportunities[-1] if opportunities else 0):
             raise SlambedError(f"time goes back, {path} line {number}; sort the file")
+        if time_ms > _LONGEST_RATE_MS:
+            raise SlambedError(
+                f"'{line[:20]}' is more than {_LONGEST_RATE_MS} ms, {path} line {number}; give "
+                "milliseconds from the start of the trace"
+            )
         opportunities.append(time_ms)
     if not opportunities or opportunities[-1] == 0:
         raise SlambedError(f"no delivery opportunities, {path}; give a Mahimahi trace")

@@ -20,6 +20,8 @@ if TYPE_CHECKING:
 Floats = NDArray[np.float64]
 
 MINIMUM_PAIRS = 3  # a rigid alignment in space needs three points
+FARTHEST_M = 1e100
+"""What is farther has a square that may be no number."""
 RANDOM_PAIRS = 10_000
 """Number of random pairs for a long path in TUM's evaluate_rpe.py (its `max_pairs`)."""
 
@@ -78,6 +80,7 @@ def align_umeyama(source_m: Floats, target_m: Floats, with_scale: bool = False) 
     """
     if len(source_m) != len(target_m) or len(source_m) < MINIMUM_PAIRS:
         raise SlambedError(f"{len(source_m)} pose pairs, need at least {MINIMUM_PAIRS} to align")
+    _must_be_near(source_m, target_m)
     source_mean, target_mean = source_m.mean(axis=0), target_m.mean(axis=0)
     source, target = source_m - source_mean, target_m - target_mean
     covariance = target.T @ source / len(source_m)
@@ -91,6 +94,14 @@ def align_umeyama(source_m: Floats, target_m: Floats, with_scale: bool = False) 
         variance = float((source**2).sum() / len(source_m))
         scale = float(singular @ signs) / variance if variance > 0 else 1.0
     return Alignment(rotation, target_mean - scale * rotation @ source_mean, scale)
+
+
+def _must_be_near(*positions_m: Floats) -> None:
+    """LAPACK never ends on what overflows, and no error of it is a number."""
+    for positions in positions_m:
+        farthest_m = float(np.abs(positions).max(initial=0.0))
+        if not farthest_m < FARTHEST_M:
+            raise SlambedError(f"a pose is {farthest_m:g} m away, so no error is a number")
 
 
 def statistics_of(errors: Floats, alignment: str = "SE3", scale: float = 1.0) -> ErrorStatistics:
@@ -242,6 +253,7 @@ def pairs_of_any_distance(count: int) -> NDArray[np.intp]:
 def _error_of_pairs(
     matched: Trajectory, reference: Trajectory, pairs: NDArray[np.intp], label: str
 ) -> RelativeError:
+    _must_be_near(matched.positions_m, reference.positions_m)
     start, end = pairs[:, 0], pairs[:, 1]
     true_turn, true_step = _relative_motion(reference, start, end)
     own_turn, own_step = _relative_motion(matched, start, end)

@@ -90,7 +90,8 @@ def profile_definitions() -> dict[str, Schema]:
                 {"type": "object", "additionalProperties": {"type": "number"}},
             ),
             "duration_s": _means(
-                "run time after which nothing changes; not given: as the curves say",
+                "run time after which nothing changes, at most 100,000 s; not given: as in the "
+                "curves",
                 number_or_null,
             ),
             "rtt_ms": _means("RTT over run time; or give `one_way_ms`", CURVE),

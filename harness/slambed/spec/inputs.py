@@ -8,6 +8,7 @@ from pathlib import Path
 
 from slambed.data.places import search_path
 from slambed.errors import SlambedError
+from slambed.files.outputs import at_home, is_file
 from slambed.native import repository_root
 
 FROM_DATASET = "dataset"
@@ -20,11 +21,11 @@ FOLDER = "inputs"
 def find_input(name: str, near: Path) -> Path:
     """Resolves an absolute path, or one relative to the experiment, the checkout or a data
     folder."""
-    path = Path(name).expanduser()
+    path = at_home(name)
     folders = [near, repository_root(), *search_path()]
     candidates = [path] if path.is_absolute() else [folder / path for folder in folders]
     for candidate in candidates:
-        if candidate.is_file():
+        if is_file(candidate):
             return candidate.resolve()
     places = ", ".join(str(candidate.parent) for candidate in candidates)
     raise SlambedError(f"file '{name}' not found, looked in {places}; correct the path")

@@ -8,6 +8,7 @@ from typing import TypeVar
 from pydantic import BaseModel
 
 from slambed.errors import SlambedError
+from slambed.files.outputs import is_file, resolved
 from slambed.files.yaml_source import YamlSource, load_yaml, parse
 from slambed.native import left_behind, repository_root
 from slambed.spec.device import Device
@@ -90,12 +91,12 @@ class Library:
     def system_file(self, name: str) -> Path:
         """Returns the path of a system's description. Raises SlambedError if there is none."""
         if name.endswith((".yaml", ".yml")):
-            path = Path(name).resolve()
+            path = resolved(Path(name))
             self._must_exist(path, "system", name, self.systems())
             return path
         folders = [self.root / "systems", *_others()]
         found = [folder / name / SYSTEM_FILE for folder in folders]
-        path = next((path for path in found if path.is_file()), found[0])
+        path = next((path for path in found if is_file(path)), found[0])
         self._must_exist(path, "system", name, self.known_systems())
         return path
 
@@ -113,7 +114,7 @@ class Library:
 
     @staticmethod
     def _must_exist(path: Path, kind: str, name: str, known: list[str]) -> None:
-        if not path.is_file():
+        if not is_file(path):
             what_now = left_behind(path) or suggestion(name, known)
             raise SlambedError(f"unknown {kind} '{name}', no {path}; {what_now}")
 
@@ -146,7 +147,7 @@ def _anchor_systems(source: YamlSource) -> None:
     for entry in entries if isinstance(entries, list) else []:
         named = entry.get("system") if isinstance(entry, dict) else None
         if isinstance(named, str) and named.endswith((".yaml", ".yml")):
-            entry["system"] = str((source.path.parent / named).resolve())
+            entry["system"] = str(resolved(source.path.parent / named))
 
 
 def _anchor_datasets(source: YamlSource) -> None:
@@ -154,7 +155,7 @@ def _anchor_datasets(source: YamlSource) -> None:
     names = source.data.get("datasets") if isinstance(source.data, dict) else None
     for index, name in enumerate(names if isinstance(names, list) else []):
         if isinstance(name, str) and name.endswith((".yaml", ".yml")):
-            source.data["datasets"][index] = str((source.path.parent / name).resolve())
+            source.data["datasets"][index] = str(resolved(source.path.parent / name))
 
 
 def _stems(folder: Path) -> list[str]:

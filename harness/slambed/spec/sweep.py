@@ -86,7 +86,8 @@ def _checked(source: YamlSource, grid: Any, at: Location, *further: str) -> dict
         raise source.complaint("expected keys with lists of values", at, advice)
     for key, values in grid.items():
         place = (*at, key)
-        if key not in (*OF_A_SYSTEM, *further) and key.removeprefix(PARAMS) in ("", key):
+        name = str(key)
+        if key not in (*OF_A_SYSTEM, *further) and name.removeprefix(PARAMS) in ("", name):
             raise source.complaint(f"a grid cannot vary '{key}'", place, advice)
         if not isinstance(values, list) or not values:
             raise source.complaint(f"'{key}' of a grid is a list of values", place)

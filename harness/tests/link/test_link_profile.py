@@ -130,7 +130,7 @@ MISTAKES = [
     ({"sine": {"mean_ms": 5, "amplitude_ms": 9, "period_s": 4}}, "negative latency.*clamp"),
     ({"ramp": {"to_s": 3, "rise_s": 2}}, "unknown key 'to_s'.*did you mean 'to_ms'"),
     ({"ramp": {"to_ms": 3}}, "missing.*ramp.rise_s"),
-    ({"sine": {"amplitude_ms": 1, "period_s": 0}}, "greater than 0"),
+    ({"sine": {"amplitude_ms": 1, "period_s": 0}}, "equal to 0.001"),
     ({"clamp": {"min_ms": 9, "max_ms": 3, "of": 5}}, "max_ms 3 is below min_ms 9"),
     ({"sum": []}, "expected a list of curves"),
     ({"sum": 5}, "expected a list of curves, not 5"),

@@ -3,19 +3,15 @@
 
 from __future__ import annotations
 
-import sqlite3
-import struct
 from collections.abc import Iterable, Iterator, Sequence
-from contextlib import contextmanager
-from functools import cached_property
+from contextlib import ExitStack, contextmanager
+from functools import cache, cached_property
 from pathlib import Path
 from typing import Any
 
-from rosbags.highlevel import AnyReader, AnyReaderError
-from rosbags.rosbag1 import ReaderError as ReaderError1
-from rosbags.rosbag2 import ReaderError as ReaderError2
-from rosbags.serde import SerdeError
-from rosbags.typesys import Stores, TypesysError, get_typestore
+from rosbags.highlevel import AnyReader
+from rosbags.interfaces import Nodetype
+from rosbags.typesys import Stores, get_typestore
 
 from slambed.data.association import pairs_of_sensors
 from slambed.data.images import other_size
@@ -28,11 +24,6 @@ from slambed.errors import SlambedError
 from slambed.suggestion import did_you_mean
 
 _IMAGES = ("sensor_msgs/msg/Image", "sensor_msgs/msg/CompressedImage")
-#: Errors that `rosbags` raises for damaged files.
-_BROKEN = (
-    AnyReaderError, ReaderError1, ReaderError2, SerdeError, TypesysError, UnicodeDecodeError,
-    OSError, sqlite3.Error, struct.error,
-)  # fmt: skip
 #: The clocks of header and recorder may differ by a constant offset, but not in their rate.
 _CLOCK_RATIO, _CLOCK_SLACK_S = 1.5, 2.0
 _LONGEST_REASON = 160
@@ -171,16 +162,23 @@ class Reader(SequenceReader):
 
     @contextmanager
     def _open(self) -> Iterator[AnyReader]:
+        with ExitStack() as stack:
+            with self._library():
+                bag = stack.enter_context(AnyReader(self._parts, default_typestore=_standard()))
+            yield bag
+
+    @contextmanager
+    def _library(self) -> Iterator[None]:
+        """Wraps calls into `rosbags`, whose parsers raise exceptions of any type for a damaged
+        file."""
         try:
-            store = get_typestore(Stores.ROS2_HUMBLE)
-            with AnyReader(self._parts, default_typestore=store) as bag:
-                yield bag
-        except _BROKEN as broken:
+            yield
+        except Exception as broken:
             raise SlambedError(f"{self.path}: {_reason(broken)}") from broken
 
     def _messages(self, bag: AnyReader, topics: list[str]) -> Iterator[tuple[str, Any, int]]:
         """Yields topic, message, and the time at which the bag recorded it."""
-        present = sorted({connection.topic for connection in bag.connections})
+        present = sorted({str(connection.topic) for connection in bag.connections})
         for topic in topics:
             if topic not in present:
                 raise SlambedError(
@@ -189,15 +187,28 @@ class Reader(SequenceReader):
                 )
         chosen = [c for c in bag.connections if c.topic in topics]
         for connection in chosen:
-            self._check_kind(connection.topic, connection.msgtype)
-        for connection, received_ns, raw in bag.messages(connections=chosen):
-            yield connection.topic, bag.deserialize(raw, connection.msgtype), received_ns
+            self._check_kind(connection.topic, connection.msgtype, bag)
+        with self._library():
+            messages = iter(bag.messages(connections=chosen))
+        while True:
+            with self._library():
+                if (found := next(messages, None)) is None:
+                    return
+                connection, received_ns, raw = found
+                received_ns = int(received_ns)
+                message = bag.deserialize(raw, connection.msgtype)
+            yield connection.topic, message, received_ns
 
-    def _check_kind(self, topic: str, kind: str) -> None:
+    def _check_kind(self, topic: str, kind: str, bag: AnyReader) -> None:
         if topic in (self._first, self._second) and kind not in _IMAGES:
             raise SlambedError(
                 f"{self.path}: topic '{topic}' has {kind}, expected {' or '.join(_IMAGES)}; "
                 "name the topic of the pictures"
+            )
+        if (other := _other_fields(kind, bag.typestore.fielddefs)) is not None:
+            raise SlambedError(
+                f"{self.path}: topic '{topic}': the bag defines {other} otherwise than ROS does; "
+                "record it again with the messages of ROS"
             )
 
 
@@ -207,11 +218,36 @@ def _goes_on(first: Path, part: Path) -> bool:
     return same_kind and first.parent == part.parent
 
 
+@cache
+def _standard() -> Any:
+    """Returns the standard ROS messages, for bags without definitions."""
+    return get_typestore(Stores.ROS2_HUMBLE)
+
+
+def _other_fields(kind: str, fields: Any) -> str | None:
+    """Returns the name of the message, this one or a nested one, that lacks a field of the standard
+    ROS definition, or None. ROS 1 messages may have more fields. Messages that ROS does not define
+    are not checked."""
+    known = _standard().fielddefs
+    if kind not in known:
+        return None
+    _, found = fields.get(kind, ((), ()))
+    for field in known[kind][1]:
+        if field not in found:
+            return kind
+        node, what = field[1]
+        if node != Nodetype.NAME and node != Nodetype.BASE:
+            node, what = what[0]
+        if node == Nodetype.NAME and (other := _other_fields(what, fields)) is not None:
+            return other
+    return None
+
+
 def _reason(broken: Exception) -> str:
     """Shortens a library's error to one line, with a fix for bags left by crashes."""
     reported: Sequence[object] = broken.args or (broken,)
     lines = " ".join(str(part) for part in reported).strip().splitlines()
-    what = lines[0][:_LONGEST_REASON] if lines else type(broken).__name__
+    what = lines[0][:_LONGEST_REASON] if lines and lines[0] else type(broken).__name__
     if "end magic" in what:
         return "the file is cut off, as a crash leaves it; repair it with 'mcap recover'"
     if "index" in what.lower():

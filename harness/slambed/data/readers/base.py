@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import math
 import re
+import sys
 from abc import ABC, abstractmethod
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
@@ -24,6 +25,7 @@ from slambed.data.stamps import (
 )
 from slambed.data.trajectory import Trajectory
 from slambed.errors import SlambedError
+from slambed.files.outputs import is_file
 from slambed.suggestion import did_you_mean
 
 _NUMBER = re.compile(r"(?:frame-)?(\d{1,18})")
@@ -76,8 +78,8 @@ class SequenceReader(ABC):
         for name in options.extra:
             if name not in known:
                 raise SlambedError(
-                    f"reader_options: unknown key '{name}'{did_you_mean(name, known)}; known: "
-                    f"{', '.join(known)}"
+                    f"{path}: reader_options: unknown key '{name}'{did_you_mean(name, known)}; "
+                    f"known: {', '.join(known)}"
                 )
         if options.sensor not in self.sensors:
             raise SlambedError(
@@ -102,7 +104,9 @@ class SequenceReader(ABC):
         value = self.options.extra.get(name, default)
         if value is None or (_is_number(value) and value > 0):
             return value
-        raise SlambedError(f"reader_options: {name} must be a number above 0, not {value!r}")
+        raise SlambedError(
+            f"{self.path}: reader_options: {name} must be a number above 0, not {value!r}"
+        )
 
     def _gray_range(self) -> tuple[float, float] | None:
         asked = self.options.extra.get("gray_range")
@@ -110,10 +114,11 @@ class SequenceReader(ABC):
             return None
         if isinstance(asked, list) and len(asked) == 2 and all(map(_is_number, asked)):
             low, high = (float(value) for value in asked)
-            if low < high:
+            if low < high and math.isfinite(255 / (high - low)):
                 return low, high
         raise SlambedError(
-            f"reader_options: gray_range must be two numbers, the lower one first, not {asked!r}"
+            f"{self.path}: reader_options: gray_range must be two numbers, the lower one first, "
+            f"not {asked!r}"
         )
 
     @property
@@ -143,8 +148,10 @@ class SequenceReader(ABC):
                     "correct or remove the line"
                 ) from None
         asked = self.options.extra.get("time_unit")
-        if asked is not None and asked not in NS_PER:
-            raise SlambedError(f"reader_options: time_unit must be s, ms, us or ns, not {asked!r}")
+        if asked is not None and asked not in tuple(NS_PER):
+            raise SlambedError(
+                f"{file}: reader_options: time_unit must be s, ms, us or ns, not {asked!r}"
+            )
         unit = asked or recognized_unit(counts, usual, self.options.fps)
         if unit is None:
             raise unit_question(counts, usual, self.options.fps, str(file))
@@ -236,7 +243,7 @@ def require(path: Path, what: str) -> Path:
 
 def require_poses(path: Path) -> Path:
     """Returns the file named by `groundtruth:`; raises SlambedError if it is missing."""
-    if not path.is_file():
+    if not is_file(path):
         raise SlambedError(
             f"{path} is missing (ground truth); complete the dataset, or remove 'groundtruth' "
             "from its file to go without"
@@ -245,4 +252,6 @@ def require_poses(path: Path) -> Path:
 
 
 def _is_number(value: object) -> bool:
-    return isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value)
+    if not isinstance(value, int | float) or isinstance(value, bool):
+        return False
+    return abs(value) <= sys.float_info.max

@@ -22,6 +22,7 @@ from slambed.data.rotations import check_quaternions
 from slambed.data.text_file import pose_rows, table_lines
 from slambed.data.trajectory import Trajectory
 from slambed.errors import SlambedError
+from slambed.files.outputs import is_file
 
 _POSE = "time, x, y, z, qw, qx, qy, qz"
 #: Poses of the body, which is the IMU; TUM-VI's motion capture also refers to the IMU.
@@ -97,6 +98,12 @@ class Reader(FolderReader):
     def camera(self) -> Camera:
         p0 = self._projections[0]
         bf = -self._projections[1][0, 3] if len(self._projections) > 1 else 0.0
+        numbers = [float(v) for v in (p0[0, 0], p0[1, 1], p0[0, 2], p0[1, 2], bf)]
+        if not (min(numbers[:2]) > 0 and bf >= 0 and np.isfinite(numbers).all()):
+            raise SlambedError(
+                f"{self._mav}: the sensor.yaml of its cameras rectify to fx {numbers[0]:g}, fy "
+                f"{numbers[1]:g}, bf {bf:g}, expected above 0; correct intrinsics and T_BS"
+            )
         return Camera(fx=p0[0, 0], fy=p0[1, 1], cx=p0[0, 2], cy=p0[1, 2], bf=bf)
 
     def trajectory(self) -> Trajectory | None:
@@ -183,8 +190,8 @@ class Reader(FolderReader):
     def _poses_file(self) -> Path | None:
         if asked := self.options.groundtruth:
             beside = self.path / asked
-            return beside if beside.is_file() else require_poses(self._mav / asked)
-        return next((self._mav / name for name in _POSES if (self._mav / name).is_file()), None)
+            return beside if is_file(beside) else require_poses(self._mav / asked)
+        return next((self._mav / name for name in _POSES if is_file(self._mav / name)), None)
 
     def _image_list(self, folder: Path) -> list[_Image]:
         """Reads lines `time, file`; a missing file name is derived from the time."""

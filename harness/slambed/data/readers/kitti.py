@@ -23,6 +23,7 @@ from slambed.data.rotations import check_rotation
 from slambed.data.text_file import is_header, pose_rows, read_lines
 from slambed.data.trajectory import Trajectory
 from slambed.errors import SlambedError
+from slambed.files.outputs import is_file
 
 _POSE = "12 numbers, a 3x4 camera-to-world matrix"
 _PROJECTION = "12 numbers, a 3x4 projection"
@@ -170,7 +171,7 @@ class Reader(FolderReader):
         if not self.options.groundtruth:
             return None
         beside = self.path / self.options.groundtruth
-        if beside.is_file():
+        if is_file(beside):
             return beside
         return require_poses(self.path.parent.parent / "poses" / self.options.groundtruth)
 

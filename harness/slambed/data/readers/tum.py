@@ -15,6 +15,7 @@ from slambed.data.readers.base import FolderReader, ReaderOptions, require, requ
 from slambed.data.text_file import table_lines
 from slambed.data.trajectory import Trajectory, read_groundtruth
 from slambed.errors import SlambedError
+from slambed.files.outputs import is_file
 
 _ENTRY = re.compile(r"\s*([^\s,;]+)[\s,;]+(.*?)[\s,;]*")
 
@@ -132,9 +133,9 @@ class Reader(FolderReader):
 def _named_file(listing: Path, line: int, name: str) -> Path:
     """A file name may contain blanks, and further columns may follow it."""
     whole, first = listing.parent / name, listing.parent / name.split()[0]
-    if whole == first or whole.is_file():
+    if whole == first or is_file(whole):
         return whole
-    if not first.is_file():
+    if not is_file(first):
         raise SlambedError(
             f"{listing}:{line}: there is neither '{name}' nor '{name.split()[0]}' in "
             f"{listing.parent}; a name with a blank? Complete the dataset"
