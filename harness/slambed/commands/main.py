@@ -88,11 +88,13 @@ def _add(name: str) -> None:
 
 
 def every_command() -> TyperGroup:
-    """All of them, loaded."""
+    """Returns the group with every command loaded, in the order of COMMANDS."""
     for name in COMMANDS:
         _add(name)
     group = typer.main.get_command(app)
     assert isinstance(group, TyperGroup)
+    # Commands that were loaded earlier in this process come first.
+    group.commands = {name: group.commands[name] for name in COMMANDS}
     return group
 
 

@@ -244,6 +244,22 @@ def test_an_mcap_whose_lengths_lie(tmp_path: Path) -> None:
         assert "walk.mcap: cannot be read as a bag" in line
 
 
+@pytest.mark.parametrize(
+    ("old", "new"),
+    [
+        (b"name: /gray\n", b"name: 1.5\n"),
+        (b"type: sensor_msgs/msg/Image\n", b"type: [a]\n"),
+        (b"storage_identifier: sqlite3", b"storage_identifier: {}"),
+    ],
+)
+def test_metadata_of_a_bag_of_odd_kinds(tmp_path: Path, old: bytes, new: bytes) -> None:
+    name = "data/walk/metadata.yaml"
+    text = subject("bag_ros2").files()[name]
+    assert isinstance(text, bytes) and old in text
+    line = line_of("bag_ros2", {name: text.replace(old, new)}, tmp_path)
+    assert "walk: " in line and "cannot be read as a bag" in line
+
+
 def test_a_rig_that_rectifies_to_no_camera(tmp_path: Path) -> None:
     name = "data/walk/mav0/cam1/sensor.yaml"
     text = subject("euroc").files()[name]

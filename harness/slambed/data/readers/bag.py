@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
-from contextlib import ExitStack, contextmanager
+from contextlib import ExitStack, contextmanager, suppress
 from functools import cache, cached_property
 from pathlib import Path
 from typing import Any
@@ -164,7 +164,12 @@ class Reader(SequenceReader):
     def _open(self) -> Iterator[AnyReader]:
         with ExitStack() as stack:
             with self._library():
-                bag = stack.enter_context(AnyReader(self._parts, default_typestore=_standard()))
+                bag = AnyReader(self._parts, default_typestore=_standard())
+                bag.open()
+                stack.callback(_close, bag)
+                names = [name for c in bag.connections for name in (c.topic, c.msgtype)]
+                if not all(isinstance(name, str) for name in names):
+                    raise ValueError("a topic, or the type of its messages, is no text")
             yield bag
 
     @contextmanager
@@ -178,7 +183,7 @@ class Reader(SequenceReader):
 
     def _messages(self, bag: AnyReader, topics: list[str]) -> Iterator[tuple[str, Any, int]]:
         """Yields topic, message, and the time at which the bag recorded it."""
-        present = sorted({str(connection.topic) for connection in bag.connections})
+        present = sorted({connection.topic for connection in bag.connections})
         for topic in topics:
             if topic not in present:
                 raise SlambedError(
@@ -216,6 +221,12 @@ def _goes_on(first: Path, part: Path) -> bool:
     """Returns whether `part` belongs to the same recording: same folder and same type."""
     same_kind = (first.suffix, first.is_dir()) == (part.suffix, part.is_dir())
     return same_kind and first.parent == part.parent
+
+
+def _close(bag: AnyReader) -> None:
+    """Closes a bag that was only read; errors of a damaged bag do not matter then."""
+    with suppress(Exception):
+        bag.close()
 
 
 @cache
