@@ -90,7 +90,9 @@ def profile_definitions() -> dict[str, Schema]:
                 {"type": "object", "additionalProperties": {"type": "number"}},
             ),
             "duration_s": _means(
-                "run time after which nothing changes, at most 100,000 s; not given: as in the "
+                "length of the profile in lists and plots, at most 100,000 s; netem, and the RTT "
+                "that a node is given instead of measuring it, stay constant from then on, the "
+                "relay and virtual runs follow the curves to their end; not given: as in the "
                 "curves",
                 number_or_null,
             ),
