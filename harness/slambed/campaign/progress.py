@@ -8,6 +8,7 @@ from typing import Protocol, Self
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TaskID, TextColumn
 
+from slambed.process.standard_streams import without_terminal
 from slambed.spec.run_spec import RunSpec
 
 
@@ -64,7 +65,8 @@ class CampaignProgress:
         trace: TracebackType | None,
     ) -> None:
         if self._bar is not None:
-            self._bar.stop()
+            with without_terminal():
+                self._bar.stop()
 
     def left_s(self) -> float:
         """Returns the expected remaining time."""
@@ -99,7 +101,8 @@ class CampaignProgress:
             self._bar.update(self._task, completed=self._done, total=self._total)
         else:
             line += f" ({duration(took_s)}; {duration(self.left_s())} left)"
-        self._console.print(line, highlight=False, markup=False, soft_wrap=True)
+        with without_terminal():
+            self._console.print(line, highlight=False, markup=False, soft_wrap=True)
 
 
 def _name(spec: RunSpec) -> str:

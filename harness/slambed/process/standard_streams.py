@@ -2,9 +2,12 @@
 """Standard streams that the caller closed, or whose terminal or reader has gone. Both kinds then
 behave like /dev/null, so that no run fails because of them."""
 
+import errno
 import os
 import select
 import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
 
 INPUT, OUTPUT, ERROR = range(3)
 GONE = select.POLLERR | select.POLLHUP | select.POLLNVAL
@@ -42,3 +45,15 @@ def replace_gone() -> bool:
         os.dup2(nowhere, number)
         os.close(nowhere)
     return bool(gone)
+
+
+@contextmanager
+def without_terminal() -> Iterator[None]:
+    """Printing inside is lost if the terminal has gone, but raises nothing. Whether that ends the
+    command is decided by SIGHUP alone, which may come before or after the failed print."""
+    try:
+        yield
+    except OSError as error:
+        if error.errno != errno.EIO:
+            raise
+        replace_gone()
