@@ -21,6 +21,8 @@ from multiprocessing.connection import Connection, wait
 from pathlib import Path
 from types import ModuleType
 
+import psutil
+
 from slambed.campaign import server_folder
 from slambed.campaign.executors import Played
 from slambed.campaign.virtual_task import VirtualTask
@@ -110,9 +112,20 @@ class Worker:
         return answer
 
     def kill(self) -> None:
-        """Kills the process and its simulation."""
+        """Kills the process and its simulation, and waits for the end of both: until then they may
+        write into the folder of the run."""
+        below: list[psutil.Process] = []
+        if self._process.is_alive():
+            with suppress(psutil.Error):
+                worker = psutil.Process(self._process.pid)
+                worker.suspend()  # It starts no simulation after this.
+                below = worker.children(recursive=True)
         self._process.kill()
         self._process.join(DYING_S)
+        for process in below:
+            with suppress(psutil.Error):
+                process.kill()
+        psutil.wait_procs(below, DYING_S)
         self._pipe.close()
 
 

@@ -473,3 +473,21 @@ def test_a_program_that_runs_an_experiment_does_not_start_again_in_each_process(
     )
     # The worker answers with an error, because None is no task.
     assert done.stdout == "begun\nAttributeError\n", done.stderr
+
+
+def test_a_worker_is_killed_with_its_simulation(tmp_path: Path) -> None:
+    """Nothing writes into the folder of the run after that, so it can be removed."""
+    executor = runner(tmp_path, 1).executor
+    (tmp_path / "raw").mkdir()
+    (spec,) = runs(1, params={"sim_sleep_s": 60.0})
+    stop = threading.Event()
+    seen: list[psutil.Process] = []
+
+    def interrupt() -> None:
+        seen.extend(until(lambda: simulations(tmp_path), "the simulation"))
+        seen[0].suspend()  # It dies late, as on a busy host.
+        stop.set()
+
+    with in_background(interrupt), pytest.raises(InterruptedRunError):
+        executor.execute(spec, tmp_path / "raw", stop)
+    assert not seen[0].is_running() or seen[0].status() == psutil.STATUS_ZOMBIE
