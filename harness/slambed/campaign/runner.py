@@ -22,6 +22,7 @@ from slambed.engines.result import InterruptedRunError
 from slambed.errors import KilledError, PassingError, SlambedError, no_space
 from slambed.failures import refused_write
 from slambed.metrics.summary import Summary
+from slambed.process.hangup import interrupt_once
 from slambed.process.standard_streams import ERROR, replace_gone
 from slambed.spec.run_spec import RunSpec
 
@@ -225,10 +226,14 @@ ENDING = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 @contextmanager
 def stop_on_signal() -> Iterator[threading.Event]:
     """SIGINT, SIGTERM and SIGHUP set the event; a second SIGINT raises KeyboardInterrupt. An
-    ignored SIGHUP (nohup) stays ignored."""
+    ignored SIGHUP (nohup) stays ignored. After a SIGHUP a handler `interrupt_once` is not restored:
+    it has had its one signal."""
     stop = threading.Event()
+    hung_up = threading.Event()
 
     def handle(number: int, frame: object) -> None:
+        if number == signal.SIGHUP:
+            hung_up.set()
         if stop.is_set() and number == signal.SIGINT:
             raise KeyboardInterrupt
         first = not stop.is_set()
@@ -244,4 +249,5 @@ def stop_on_signal() -> Iterator[threading.Event]:
         yield stop
     finally:
         for number, handler in before.items():
-            signal.signal(number, handler)
+            spent = handler is interrupt_once and hung_up.is_set()
+            signal.signal(number, signal.SIG_IGN if spent else handler)

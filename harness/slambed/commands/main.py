@@ -19,6 +19,7 @@ from slambed.commands.font_caches import settle_font_caches
 from slambed.commands.older_verbs import renewed
 from slambed.errors import ExitCode
 from slambed.failures import INTERRUPTED, line_and_code
+from slambed.process.hangup import interrupt_once
 from slambed.process.standard_streams import open_closed, replace_gone
 
 app = typer.Typer(
@@ -116,7 +117,7 @@ def main() -> None:
     open_closed()
     if signal.getsignal(signal.SIGHUP) == signal.SIG_DFL:
         # A lost connection ends a command as Ctrl-C does; under nohup it does not.
-        signal.signal(signal.SIGHUP, signal.default_int_handler)
+        signal.signal(signal.SIGHUP, interrupt_once)
     settle_font_caches()
     sys.exit(run_command(sys.argv[1:]))
 

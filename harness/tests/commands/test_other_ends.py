@@ -21,6 +21,7 @@ from slambed.commands.main import main
 from slambed.engines.virtual import as_child
 from slambed.errors import ExitCode
 from slambed.failures import INTERRUPTED, REMEDIES, refused_write
+from slambed.process.hangup import interrupt_once
 
 SLAMBED = [sys.executable, "-c", "from slambed.commands.main import main; main()"]
 LONG = """\
@@ -106,6 +107,21 @@ def test_a_hangup_stops_a_campaign_and_nohup_keeps_it(
         with pytest.raises(SystemExit):
             main()
         assert signal.getsignal(signal.SIGHUP) == signal.SIG_IGN
+    finally:
+        signal.signal(signal.SIGHUP, before)
+
+
+def test_the_second_signal_of_one_lost_terminal_interrupts_no_cleanup() -> None:
+    before = signal.signal(signal.SIGHUP, interrupt_once)
+    try:
+        with stop_on_signal() as stop:
+            os.kill(os.getpid(), signal.SIGHUP)
+            assert stop.wait(1)
+        os.kill(os.getpid(), signal.SIGHUP)  # raises where the handler is restored
+        signal.signal(signal.SIGHUP, interrupt_once)
+        with pytest.raises(KeyboardInterrupt):
+            os.kill(os.getpid(), signal.SIGHUP)
+        os.kill(os.getpid(), signal.SIGHUP)
     finally:
         signal.signal(signal.SIGHUP, before)
 
