@@ -275,10 +275,23 @@ def allot_cpus(mobile: Limits, edge: Limits | None, host: list[int]) -> dict[Rol
 
 
 def last_line(path: Path) -> str:
-    """Returns the last line of a log, preferring one that starts with `error:`."""
+    """Returns the last line of a log, preferring one that starts with `error:`, then the exception
+    that ends a Python traceback: libraries print more lines while the program ends."""
     try:
         lines = path.read_text(errors="replace").strip().splitlines()
     except OSError:
         lines = []
     error_lines = [line for line in lines if line.startswith("error:")]
-    return (error_lines or lines or ["it printed nothing"])[-1]
+    return (error_lines or _exceptions(lines) or lines or ["it printed nothing"])[-1]
+
+
+def _exceptions(lines: list[str]) -> list[str]:
+    """Returns the last line of each Python traceback: the first one after its indented lines."""
+    found, inside = [], False
+    for line in lines:
+        if line.startswith("Traceback (most recent call last)"):
+            inside = True
+        elif inside and line and not line[0].isspace():
+            found.append(line)
+            inside = False
+    return found

@@ -25,9 +25,16 @@ from slambed.engines.docker_errors import DAEMON_ERRORS, daemon_failures, docker
 from slambed.engines.docker_gpu import must_give_gpu
 from slambed.engines.docker_image import connect, find_image, image_tag
 from slambed.engines.docker_limits import limits_of, parent_group
+from slambed.engines.docker_python import (
+    build_python_image,
+    image_name,
+    is_made_here,
+    python_volume,
+)
 from slambed.engines.docker_segmenter import start_segmenter
 from slambed.engines.foreign import container_options, player_volumes
 from slambed.engines.helper import NAMESPACES, Helper, direct_command, is_root
+from slambed.engines.python_packages import version_of
 from slambed.engines.this_host import ThisHostEngine
 from slambed.errors import KilledError, SlambedError, environment_error
 from slambed.records.manifest import EngineFacts
@@ -175,24 +182,34 @@ class DockerEngine(ThisHostEngine):
         """Returns current ids: a name may refer to another image later."""
         found: dict[str, str] = {}
         for role in ("mobile", "edge") if runtime.edge is not None else ("mobile",):
-            if not (name := runtime.image_of(role)):
+            if not (name := image_name(runtime, role)):
                 raise SlambedError(
                     f"system {system} names no image for engine docker; write runtime.image, or "
                     "use --engine local"
                 )
-            with daemon_failures(f"look for image {name}"):
-                try:
-                    found[role] = self._ids[name] = str(self._client.images.get(name).id)
-                except NotFound:
-                    raise environment_error(
-                        f"system {system}: there is no image {name} on this host; build it as the "
-                        "system's README says"
-                    ) from None
+            found[role] = self._ids[name] = self._id_of(name, runtime, system)
         # A query starts no container, which would be needed to test for a GPU.
         for gpu in runtime.gpus if not self._for_questions else ():
             assert self._image is not None
             must_give_gpu(self._client, str(self._image.id), gpu, system)
         return found
+
+    def _id_of(self, name: str, runtime: Runtime, system: str) -> str:
+        """Returns the id of an image, which is made now if it is slambed's own."""
+        with daemon_failures(f"look for image {name}"):
+            with contextlib.suppress(NotFound):
+                return str(self._client.images.get(name).id)
+            if runtime.python is None or not is_made_here(name):
+                raise environment_error(
+                    f"system {system}: there is no image {name} on this host; build it as the "
+                    "system's README says"
+                )
+            if self._for_questions:
+                raise environment_error(
+                    f"system {system}: its image {name} is not made yet; 'slambed run' makes it"
+                )
+            build_python_image(runtime.python, name, version_of(runtime.python), system)
+            return str(self._client.images.get(name).id)
 
     def start(self, plan: NodePlan) -> Node:
         """Creates a container at the start barrier."""
@@ -315,10 +332,11 @@ class DockerEngine(ThisHostEngine):
 
     def _foreign_program(self, plan: NodePlan) -> dict[str, Any]:
         assert plan.runtime is not None
-        name = plan.runtime.image_of(plan.role)
+        name = image_name(plan.runtime, plan.role)
         config = f"{OUTPUT}/{config_name(plan)}"
         program = container_options(plan, self._ids.get(name, name), config, START_BARRIER)
-        return program | {"volumes": _volumes(plan) | player_volumes(plan)}
+        volumes = _volumes(plan) | player_volumes(plan) | python_volume(plan)
+        return program | {"volumes": volumes}
 
 
 def _network(plan: NodePlan, keeper: Any | None) -> str:
