@@ -8,7 +8,7 @@ from typing import Any
 
 import docker
 import psutil
-from docker.errors import APIError, DockerException, NotFound
+from docker.errors import APIError, NotFound
 
 from slambed.engines.base import (
     LABEL,
@@ -24,7 +24,8 @@ from slambed.engines.cgroups import V1_LARGEST_SHARES, put_before_others
 from slambed.engines.docker_errors import DAEMON_ERRORS, daemon_failures, docker_error
 from slambed.engines.docker_gpu import must_give_gpu
 from slambed.engines.docker_image import connect, find_image, image_tag
-from slambed.engines.docker_limits import limits_of, parent_group
+from slambed.engines.docker_limits import limits_of, parent_group, writing_limits
+from slambed.engines.docker_log import FollowedLog
 from slambed.engines.docker_python import (
     build_python_image,
     image_name,
@@ -61,6 +62,7 @@ class DockerNode:
         pid: int,
         namespace: Path,
         keeper: Any | None = None,
+        limit_bytes: int | None = None,
     ) -> None:
         self.role = role
         self.pid = pid
@@ -78,6 +80,7 @@ class DockerNode:
         self.granted = self.reader.granted()
         self._code: int | None = None
         self._removed = False
+        self._log = FollowedLog(container, run_dir / role / "log.txt", limit_bytes)
 
     def release(self) -> None:
         """Opens the start barrier of both containers, which share the output folder."""
@@ -88,7 +91,7 @@ class DockerNode:
         if self._code is None and not self._watch.alive():
             # An unknown exit code does not count as a result of the node: the error propagates.
             self._code = int(self.container.wait(timeout=KILL_TIMEOUT_S)["StatusCode"])
-            self._write_log()
+            self._log.whole(KILL_TIMEOUT_S)
         return self._code
 
     def out_of_memory(self) -> bool:
@@ -120,21 +123,17 @@ class DockerNode:
         if self._removed:
             return
         self._removed = True
-        if self._code is None:
-            self._write_log()
         with contextlib.ExitStack() as removals:
             removals.callback(self._watch.close)
             for container in filter(None, (self.keeper, self.container)):
                 removals.callback(_remove, container)
+        self._log.whole(KILL_TIMEOUT_S)
 
     def give_up(self) -> None:
         """Hands the container over to another node object."""
         self._removed = True
+        self._log.whole(KILL_TIMEOUT_S)
         self._watch.close()
-
-    def _write_log(self) -> None:
-        with contextlib.suppress(DockerException, OSError):
-            (self._run_dir / self.role / "log.txt").write_bytes(self.container.logs())
 
 
 class DockerEngine(ThisHostEngine):
@@ -263,7 +262,9 @@ class DockerEngine(ThisHostEngine):
             put_before_others(paths_of(pid))
         inside = netns(pid if keeper is None else int(keeper.attrs["State"]["Pid"]))
         namespace = NAMESPACES / plan.role if self.unprivileged else inside
-        node = DockerNode(plan.role, container, plan.run_dir, pid, namespace, keeper)
+        node = DockerNode(
+            plan.role, container, plan.run_dir, pid, namespace, keeper, plan.limit_bytes
+        )
         node.several_processes = plan.runtime is not None
         self._nodes[plan.role] = node
         return node
@@ -318,6 +319,7 @@ class DockerEngine(ThisHostEngine):
             cpu_shares=V1_LARGEST_SHARES,
             **parent,
             **limits_of(plan),
+            **writing_limits(plan),
         )
 
     def _our_program(self, plan: NodePlan) -> dict[str, Any]:

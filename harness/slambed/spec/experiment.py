@@ -24,6 +24,9 @@ HOST_PACE: Pace = "host"
 DEVICE_PACE: Pace = "device"
 
 
+MAX_RUN_MB = 2000
+
+
 class Playback(BaseModel):
     """How frames are offered to tracking."""
 
@@ -194,6 +197,9 @@ class Experiment(BaseModel):
     """Repetitions of every cell."""
     seed: int = Field(default=1, ge=0, lt=2**31)
     """Repetition k of every cell has the same seed, which follows from this one."""
+    max_run_mb: int = Field(default=MAX_RUN_MB, ge=1)
+    """What a run may write into its folder, in MB of 2^20 bytes: files, and what its programs
+    print. A run that writes more is ended, with outcome `died`."""
     tolerances: Tolerances = Field(default_factory=Tolerances)
     """Outside of which a run is invalid."""
     report: Report = Field(default_factory=Report)

@@ -195,6 +195,7 @@ def expand(
                             seed=experiment.seed + repetition,
                             software=host.software_of.get(system.name, host.software),
                             host_speed=host.host_speed if boards else None,
+                            max_run_mb=experiment.max_run_mb,
                             tolerances=experiment.tolerances,
                         )
                     )
