@@ -198,7 +198,8 @@ def _expand_unprepared(
     engine = engine if engine in (LOCAL, VIRTUAL) else ""
     maps = {name: prior_map_of(name) for name in experiment.datasets if wants_maps(experiment)}
     prior = {name: (made, made) for name, made in maps.items() if made is not None}
-    host = Circumstances(engine, anyhow, "", nowhere, prior_maps=prior, played_s=played_s)
+    playbacks = {name: known.playback(experiment.playback) for name, known in kept.items()}
+    host = Circumstances(engine, anyhow, "", nowhere, played_s, playbacks, prior)
     return expand(experiment, source, library, profiles, host, runs=1)
 
 

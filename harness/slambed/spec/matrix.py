@@ -309,18 +309,20 @@ def _playback_end_s(playback: Playback, host: Circumstances) -> float:
 
 def _end_must_be_inside(experiment: Experiment, source: YamlSource, host: Circumstances) -> None:
     """Rejects an end beyond that of the sequence as a mistake. A stand-in for a sequence may be
-    shorter."""
-    playback = experiment.playback
-    if playback.end_s is None:
+    shorter. Times count from the begin of the sequence, also for a window of it, whose file names
+    where its playback starts."""
+    end_s = experiment.playback.end_s
+    if end_s is None:
         return
     for name, (found, _) in host.datasets.items():
         played_s = host.played_s.get(name)
         if played_s is None or (found != name and "/" not in name):
             continue
-        if playback.end_s - playback.start_s > played_s + END_SLACK_S:
+        start_s = host.playbacks.get(name, experiment.playback).start_s
+        if end_s - start_s > played_s + END_SLACK_S:
             raise source.complaint(
-                f"playback.end_s {playback.end_s:g} is after the end of {found}, which lasts "
-                f"{playback.start_s + played_s:.1f} s",
+                f"playback.end_s {end_s:g} is after the end of {found}, which lasts "
+                f"{start_s + played_s:.1f} s",
                 ("playback", "end_s"),
                 "leave it out to play all of it",
             )
