@@ -1,9 +1,10 @@
 #!/bin/bash
 # SPDX-License-Identifier: Apache-2.0
 # root.sh SUITE FOLDER [COMMAND ...]: makes a bare Debian (SUITE: bookworm, trixie) in FOLDER with debootstrap, if it is not
-# there, and runs COMMAND in it, in a copy of this commit at /slambed, or of these files where there is no history. Needs root.
-# Nothing stays mounted and no process is left. Caches of ccache and pip are the host's: $CCACHE_DIR and $PIP_CACHE_DIR, else
-# those in ~/.cache. The command sees the host's network and processors; it has no control groups and no Docker.
+# there, and runs COMMAND in it, in a clone of the last commit at /slambed, or in a copy of these files where there is no
+# history. Needs root. Network, processors, control groups, the lock of live runs and the caches of ccache and pip
+# ($CCACHE_DIR, $PIP_CACHE_DIR, else those in ~/.cache) are the host's. $CC and $CXX are passed on. Nothing stays mounted, no
+# process is left.
 set -euo pipefail
 
 suite=${1:?suite} folder=${2:?folder}
@@ -28,10 +29,16 @@ fi
 [ $# -gt 0 ] || exit 0
 
 folder=$(realpath "$folder")
+exec 9>>"$folder/.made"
+flock --nonblock 9 || { echo "error: another command runs in $folder; wait for it or take another folder" >&2; exit 3; }
 # Also certificates of this host's own, for a mirror or a package index inside its network.
 cp -L /etc/ssl/certs/ca-certificates.crt "$folder/etc/ssl/certs/ca-certificates.crt"
 cp -L /etc/resolv.conf "$folder/etc/resolv.conf"
 rm -rf "$folder/slambed"
+# Under sudo the checkout is another user's, which git refuses.
+settings=$(mktemp)
+printf '[safe]\n\tdirectory = *\n' >"$settings"
+export GIT_CONFIG_GLOBAL=$settings
 if git -C "$top" rev-parse HEAD >/dev/null 2>&1; then
   git clone -q "file://$top" "$folder/slambed"
   git -C "$folder/slambed" checkout -q --detach "$(git -C "$top" rev-parse HEAD)"
@@ -39,18 +46,15 @@ else
   mkdir "$folder/slambed"
   tar -C "$top" --exclude=./build --exclude=./.venv --exclude=./results -c . | tar -C "$folder/slambed" -x
 fi
-mkdir -p "$folder/slambed/results"
-mounts='mount -t proc proc "$0/proc"; mount --rbind /dev "$0/dev"; mount -t sysfs sysfs "$0/sys"'
-for cache in ccache pip; do
-  variable=${cache^^}_DIR
-  [ $cache = ccache ] || variable=PIP_CACHE_DIR
-  place=${!variable:-$HOME/.cache/$cache}
-  mkdir -p "$place" "$folder/root/.cache/$cache"
-  mounts+="; mount --bind '$place' \"\$0/root/.cache/$cache\""
-done
+rm -f "$settings"
+mkdir -p "$folder/slambed/results" "$folder/run/lock"
+mounts='mount -t proc proc "$0/proc"; mount --rbind /dev "$0/dev"; mount --rbind /sys "$0/sys"; mount --bind /run/lock "$0/run/lock"'
+caches=("${CCACHE_DIR:-$HOME/.cache/ccache}" "${PIP_CACHE_DIR:-$HOME/.cache/pip}")
+mkdir -p "${caches[@]}" "$folder/root/.cache/ccache" "$folder/root/.cache/pip"
+mounts+='; mount --bind "$1" "$0/root/.cache/ccache"; mount --bind "$2" "$0/root/.cache/pip"; shift 2'
 # The namespaces take mounts and processes with them when the command ends.
 exec unshare --mount --pid --fork --kill-child bash -ec "$mounts"'
 root=$0
 exec env -i PATH=/usr/local/sbin:/usr/local/bin:/usr/sbin:/usr/bin:/sbin:/bin HOME=/root LC_ALL=C.UTF-8 CCACHE_NOHASHDIR=1 \
   CCACHE_BASEDIR=/slambed CCACHE_DIR=/root/.cache/ccache PIP_CACHE_DIR=/root/.cache/pip ${CC:+CC="$CC"} ${CXX:+CXX="$CXX"} \
-  chroot "$root" bash -c "cd /slambed && exec \"\$@\"" bash "$@"' "$folder" "$@"
+  chroot "$root" bash -c "cd /slambed && exec \"\$@\"" bash "$@"' "$folder" "${caches[@]}" "$@"
