@@ -93,7 +93,9 @@ def takeaway(cells: list[Cell]) -> list[str]:
     }
     never = [name for name, share in shares.items() if not share]
     most = max(shares, key=lambda name: shares[name])
-    second = f"{len(never)} of {len(shares)} variants never lose it."
+    loses = "lose" if len(never) > 1 else "loses"
+    variants = f"variant{'' if len(shares) == 1 else 's'}"
+    second = f"{len(never) or 'None'} of {len(shares)} {variants} never {loses} it."
     if shares[most]:
         second += f" {most} loses it most often, in {100 * shares[most]:.0f} % of its runs."
     return [f"{first} {second}"]

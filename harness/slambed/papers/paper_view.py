@@ -164,6 +164,8 @@ def why_not(verdicts: PaperVerdicts, column: Column) -> WhyNot:
             blocks[row.why] += 1
         elif (reason := reason_of(verdicts, column, row)) == "not_played":
             blocks[REASON_WORDS[reason]] += 1
+        elif reason == "recording":
+            blocks[f"{REASON_WORDS[reason]}: {_recording(verdicts, row)}"] += 1
         elif reason is not None:
             blocks[f"{REASON_WORDS[reason]}: {row.why}"] += 1
         elif row.mark == "I":
@@ -194,6 +196,11 @@ def _stand_in(verdicts: PaperVerdicts, row: Judged) -> str:
     dataset = verdicts.paper.datasets.get(str(name))
     wanted = dataset.match[0] if dataset is not None and dataset.match else str(name)
     return f"{played_instead(ours, wanted)}; slambed data download {wanted}"
+
+
+def _recording(verdicts: PaperVerdicts, row: Judged) -> str:
+    dataset = verdicts.paper.datasets[str(row.cell.conditions["dataset"])]
+    return f"{dataset.label}; slambed data download {dataset.match[0]}"
 
 
 def _undecided(row: Judged) -> str:

@@ -87,17 +87,24 @@ def count(verdicts: PaperVerdicts, column: Column) -> Count:
 
 
 def count_paper(verdicts: PaperVerdicts) -> Count:
-    """Counts a paper's numbers over all kinds of engines: each number once, where it got furthest
-    (the order of `GROUP_WORDS`)."""
+    """Counts a paper's numbers over all kinds of engines, each number once."""
+    best = _furthest(verdicts)
+    return Count(
+        Counter(GROUP_OF[row.mark] for row, _ in best.values()),
+        Counter(reason for _, reason in best.values() if reason is not None),
+    )
+
+
+def _furthest(verdicts: PaperVerdicts) -> dict[str, tuple[Judged, Reason | None]]:
+    """Returns every number from the kind of engine where it got furthest (the order of
+    `GROUP_WORDS`)."""
     order = list(GROUP_WORDS)
-    groups: Counter[Group] = Counter()
-    reasons: Counter[Reason] = Counter()
+    found = {}
     for name in verdicts.cells:
-        best = min(verdicts.columns, key=lambda c: order.index(GROUP_OF[c.rows[name].mark]))
-        groups[GROUP_OF[best.rows[name].mark]] += 1
-        if reason := reason_of(verdicts, best, best.rows[name]):
-            reasons[reason] += 1
-    return Count(groups, reasons)
+        column = min(verdicts.columns, key=lambda c: order.index(GROUP_OF[c.rows[name].mark]))
+        row = column.rows[name]
+        found[name] = row, reason_of(verdicts, column, row)
+    return found
 
 
 def count_table(pages: list[PaperVerdicts]) -> Table:
@@ -123,5 +130,10 @@ def count_json(pages: list[PaperVerdicts]) -> dict[str, Any]:
             "printed": counted.printed,
             "groups": {group: counted.groups[group] for group in GROUP_WORDS},
             "without": {reason: counted.reasons[reason] for reason in REASON_WORDS},
+            "numbers": [
+                {"id": name, "reason": reason, "why": row.why}
+                for name, (row, reason) in _furthest(verdicts).items()
+                if reason is not None
+            ],
         }
     return found

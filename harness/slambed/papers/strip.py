@@ -159,7 +159,7 @@ def histogram_svg(bins: tuple[int, ...]) -> str:
 
 def _words(metric: str) -> str:
     text = metric.replace("_", " ")
-    return escaped(text if len(text) <= 28 else text[:27] + "…")
+    return escaped(text if len(text) <= 24 else text[:23] + "…")
 
 
 def escaped(text: str) -> str:

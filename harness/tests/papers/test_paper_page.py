@@ -365,7 +365,8 @@ def test_numbers_without_one_of_ours_are_counted_by_reason(experiments: list[Res
     for verdicts in pages:
         own = counts[verdicts.paper.id]
         assert sum(own["groups"].values()) == own["printed"] == len(verdicts.cells)
-        assert sum(own["without"].values()) == own["groups"]["none"]
+        assert sum(own["without"].values()) == own["groups"]["none"] == len(own["numbers"])
+        assert all(number["why"] for number in own["numbers"])
     fields = [c for c in papers[2].claims if c.reason == "field_study" and c.kind == "result"]
     assert papers[2].id == "edgeslam_semantic"
     assert counts["edgeslam_semantic"]["without"]["field_study"] == len(fields) > 10
