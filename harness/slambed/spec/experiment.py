@@ -102,6 +102,9 @@ class SystemChoice(BaseModel):
     """Name of this row in tables; `system` or `system:variant` when not given."""
     profiles: list[str] | None = None
     """The subset of the experiment's link profiles for this system; all when not given."""
+    datasets: list[str] | None = None
+    """The subset of the experiment's datasets for this system, for example those that have its
+    sensor; all when not given."""
     devices: OwnDevices = Field(default_factory=OwnDevices)
     """Replaces the experiment's devices."""
     faults: Faults | None = None
@@ -213,6 +216,10 @@ class Experiment(BaseModel):
         if len(set(value)) != len(value):
             raise ValueError("a dataset is named twice")
         return value
+
+    def datasets_of(self, choice: SystemChoice) -> list[str]:
+        """Returns the datasets that a system of this experiment plays."""
+        return self.datasets if choice.datasets is None else choice.datasets
 
 
 def has_cuts(experiment: Experiment) -> bool:

@@ -143,7 +143,7 @@ def expand(
         edge = of_role("edge") if system.has_edge else None
         live = host.engine != VIRTUAL
         boards = live and any(d is not None and d.board for d in (mobile, edge))
-        for dataset in experiment.datasets:
+        for dataset in _datasets_of(experiment, choice, source, index):
             if dataset not in host.datasets:
                 continue  # skipped, see Experiment.missing_datasets
             found, checksum = host.datasets[dataset]
@@ -232,6 +232,20 @@ def label_of(choice: SystemChoice, system: System) -> str:
         return choice.label
     variant = system.choose_variant(choice.variant)
     return system.name if not system.variants else f"{system.name}:{variant}"
+
+
+def _datasets_of(
+    experiment: Experiment, choice: SystemChoice, source: YamlSource, index: int
+) -> list[str]:
+    """Returns the datasets of a system. Raises SlambedError for one that the experiment lacks."""
+    for position, name in enumerate(choice.datasets or []):
+        if name not in experiment.datasets:
+            raise source.complaint(
+                f"dataset '{name}' is not among the experiment's datasets",
+                ("systems", index, "datasets", position),
+                suggestion(name, experiment.datasets),
+            )
+    return experiment.datasets_of(choice)
 
 
 def _profiles_of(
