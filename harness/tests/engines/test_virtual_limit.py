@@ -2,6 +2,7 @@
 """The time limit of a virtual run: exceeding the CPU time is an outcome, idling is an error."""
 
 import contextlib
+import json
 import os
 import signal
 import threading
@@ -9,6 +10,7 @@ import time
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
+from threading import Event
 
 import psutil
 import pytest
@@ -17,6 +19,8 @@ from waiting import in_background, until
 
 from slambed.engines.virtual import VirtualRun
 from slambed.errors import ExitCode, PassingError
+from slambed.spec.experiment import Playback
+from slambed.spec.run_spec import LinkSpec
 
 
 @pytest.fixture
@@ -78,3 +82,15 @@ def test_a_host_that_leaves_a_run_little_time_changes_no_outcome(
         result = run.execute(threading.Event())
     assert result.outcome == "timed_out"
     assert spent[0] < 2.0 and time.monotonic() - began_s > 3.0 + 2.0 - spent[0]
+
+
+def test_a_link_that_never_settles_goes_on_as_long_as_a_live_run_may_last(tmp_path: Path) -> None:
+    wave = {"sine": {"mean_ms": 20, "amplitude_ms": 10, "period_s": 4}}
+    link = LinkSpec(backend="virtual", profile="wave", content={"rtt_ms": wave})
+    for mode, factor in (("realtime", 1), ("every_frame", 10)):
+        spec = virtual_spec(link=link, playback=Playback(mode=mode))
+        raw = tmp_path / mode
+        raw.mkdir()
+        VirtualRun(spec, tmp_path, 5.0, raw, stand_in_sim(tmp_path), None).execute(Event())
+        delays = json.loads((raw / "sim.json").read_text())["link"]["up"]["delay_us"]
+        assert (len(delays) - 1) * 0.01 == 5.0 * factor + 30.0
