@@ -4,7 +4,7 @@
 import hashlib
 from collections.abc import Callable, Mapping
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any
@@ -60,6 +60,8 @@ class Plan:
     circumstances: Circumstances
     left_out: list[str]
     """Skipped datasets that are not on this machine, with how to get them."""
+    remarks: list[str] = field(default_factory=list)
+    """What was assumed about the link's recordings."""
 
 
 def repetitions(experiment: Experiment, asked: int | str | None) -> int:
@@ -138,6 +140,11 @@ def notes(experiment: Experiment, library: Library) -> list[str]:
             for system in _readers(experiment, library)
         ]
     )
+
+
+def remarks_on(profiles: list[NamedProfile]) -> list[str]:
+    """Returns what was assumed about the recordings of link profiles."""
+    return [f"profile {profile.name}: {line}" for profile in profiles for line in profile.remarks]
 
 
 def _of_board(experiment: Experiment) -> list[str]:
@@ -311,7 +318,7 @@ def make_plan(
         host_speed=load_host_speed().speed if netem is None else None,
     )
     specs = expand(experiment, source, library, profiles, circumstances, count)
-    return Plan(experiment, specs, sequences, circumstances, left_out)
+    return Plan(experiment, specs, sequences, circumstances, left_out, remarks_on(profiles))
 
 
 def masks_asked(experiment: Experiment, library: Library) -> list[MasksAsked]:

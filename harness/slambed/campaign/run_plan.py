@@ -49,7 +49,7 @@ def run_plan(
     experiment = plan.experiment
     for line in plan.left_out:
         print_to(console, f"left out: {line}")
-    for line in notes(experiment, Library()):
+    for line in notes(experiment, Library()) + plan.remarks:
         print_to(console, line)
     folder = ResultFolder(options.results / experiment.id)
     about = chosen(plan.specs, options.only)

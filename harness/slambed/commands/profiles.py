@@ -16,6 +16,9 @@ from slambed.files.outputs import figure_file
 from slambed.terminal import JsonOption, console, lists_alone, print_json
 
 if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
     from slambed.link.impairments import Side
     from slambed.link.profile import Profile
 
@@ -24,6 +27,7 @@ app = typer.Typer(help="Link profiles: how latency, loss and rate change.")
 ROWS = 12
 CROSSING_MS = 40.0
 """DynNetSLAM's offloading limit L_OL."""
+STEP_S = 0.01
 LEAST_SHOWN_S, MOST_SHOWN_S = 0.1, 86_400.0
 
 
@@ -89,7 +93,7 @@ def show(
     """Print a profile's values over time and plot them."""
     import numpy as np
 
-    from slambed.link.plots import plot_profile, span_s
+    from slambed.link.plots import length_s, plot_profile, span_s
 
     if until_s is not None and not LEAST_SHOWN_S <= until_s <= MOST_SHOWN_S:
         raise SlambedError(
@@ -107,8 +111,10 @@ def show(
         up, down = profile.delays_ms(float(t))
         table.add_row(f"{t:.2f}", f"{up + down:.3f}", f"{up:.3f}", f"{down:.3f}")
     console().print(table)
-    for line in facts(profile, end):
+    for line in facts(profile, length_s(profile) if until_s is None else until_s):
         typer.echo(line)
+    for line in profile.remarks:
+        typer.echo(f"note: {line}")
     target = figure_file(output) if output else picture(f"profile_{profile.name}.png")
     plot_profile(profile, target, end)
     typer.echo(f"plot: {target}")
@@ -150,21 +156,26 @@ def _heading(profile: Profile, params: dict[str, float]) -> list[str]:
 
 
 def _range(profile: Profile) -> tuple[float, float]:
+    from slambed.link.plots import length_s
+
+    values = profile.rtt_series_ms(_times(length_s(profile)))
+    return float(values.min()), float(values.max())
+
+
+def _times(end_s: float) -> NDArray[np.float64]:
+    """Returns the times at which a profile is summarized, its end included."""
     import numpy as np
 
-    from slambed.link.plots import span_s
-
-    values = profile.rtt_series_ms(np.arange(0.0, span_s(profile), 0.01))
-    return float(values.min()), float(values.max())
+    return np.append(np.arange(0.0, end_s, STEP_S), end_s)
 
 
 def facts(profile: Profile, end_s: float) -> list[str]:
     """Returns what a table of samples does not show: range, impairments and gaps."""
     import numpy as np
 
-    t = np.arange(0.0, end_s, 0.01)
-    rtt = profile.rtt_series_ms(t)
-    lines = [f"RTT: mean {rtt.mean():.2f} ms, {rtt.min():.2f} to {rtt.max():.2f} ms"]
+    rtt = profile.rtt_series_ms(_times(end_s))
+    # Each value stands for the step after it, so the one at the end is not part of the mean.
+    lines = [f"RTT: mean {rtt[:-1].mean():.2f} ms, {rtt.min():.2f} to {rtt.max():.2f} ms"]
     crossings = int(np.count_nonzero(np.diff(rtt > CROSSING_MS)))
     if crossings:
         lines.append(f"crosses {CROSSING_MS:g} ms {crossings} times in {end_s:.0f} s")

@@ -108,9 +108,9 @@ def run(
         check_figure_names(found, source)
         others = read_hosts(hosts, on or [], engine) if hosts else []
         asked = others[0].engine if others else engine or found.engine
-        plan.check(found, source, library, asked)
+        profiles = plan.check(found, source, library, asked)
         typer.echo(f"{source.path}: good")
-        for line in plan.notes(found, library):
+        for line in plan.notes(found, library) + plan.remarks_on(profiles):
             typer.echo(f"note: {line}")
         if others:
             typer.echo(f"engine: {asked}, which only the hosts know when they are asked")

@@ -66,7 +66,8 @@ def time_limit_s(spec: RunSpec, played_s: float, ahead_s: float = START_AHEAD_S)
 def profile_rtt(link: LinkSpec, horizon_s: float) -> ProfileRtt:
     """Returns the RTT of the profile, for a node that does not measure it."""
     profile = parse_profile(link.content, f"profile {link.profile}")
-    end_s = horizon_s if profile.duration is None else min(profile.duration, horizon_s)
+    settled_s = profile.settled_s
+    end_s = horizon_s if settled_s is None else min(settled_s, horizon_s)
     steps = range(math.ceil(end_s / RTT_STEP_S) + 1)
     rtt_ms = [round(profile.rtt_ms(step * RTT_STEP_S), 4) for step in steps]
     return ProfileRtt(step_s=RTT_STEP_S, rtt_ms=rtt_ms)

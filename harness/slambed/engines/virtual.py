@@ -23,7 +23,7 @@ from slambed.engines.base import last_line
 from slambed.engines.child_end import end_of
 from slambed.engines.cpu_watch import IDLE_LIMIT_S, CpuWatch
 from slambed.engines.faults import write_planned
-from slambed.engines.result import InterruptedRunError, Outcome, RunResult, run_config
+from slambed.engines.result import InterruptedRunError, Outcome, RunResult, run_config, time_limit_s
 from slambed.engines.written_bytes import WrittenBytes
 from slambed.errors import ExitCode, KilledError, SlambedError, environment_error
 from slambed.link.direction import ModeledLink
@@ -36,8 +36,6 @@ from slambed.records.sim_config import CacheFile, MaskFile, SimConfig, SimDevice
 from slambed.spec.device import CostModel, Device
 from slambed.spec.run_spec import RunSpec, canonical_json
 
-DRAIN_S = 30.0
-"""Virtual time after the last frame that the link's tables cover."""
 LEAST_LIMIT_S = 120.0
 LIMIT_FACTOR = 20.0
 """Limits of CPU time and of virtual time as a multiple of the played time, on top of LEAST_LIMIT_S;
@@ -165,12 +163,14 @@ class VirtualRun:
 
     def _write_files(self) -> None:
         # The output path is relative, so that equal runs in different folders leave equal files.
-        config = run_config(self.spec, str(self.sequence.resolve()), ".", self.played_s + DRAIN_S)
+        # The link changes as long as that of a live run may last.
+        horizon_s = time_limit_s(self.spec, self.played_s, 0.0)
+        config = run_config(self.spec, str(self.sequence.resolve()), ".", horizon_s)
         (self.run_dir / "run.json").write_text(json.dumps(config.as_json(), indent=1))
         features = feature_file(self.features, self.spec).resolve() if self.features else None
         world = sim_config(
             self.spec,
-            self.played_s + DRAIN_S,
+            horizon_s,
             features,
             min(LEAST_LIMIT_S + LIMIT_FACTOR * self.played_s, LONGEST_S),
         )

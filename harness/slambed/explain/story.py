@@ -96,7 +96,9 @@ def _updates(run: RunLog) -> list[str]:
     lines = []
     if len(applied):
         gaps = applied["gap_keyframes"].dropna() if "gap_keyframes" in applied else pd.Series([])
-        gap = f", {_count(int(gaps.sum()), 'keyframe')} lost to gaps" if len(gaps) else ""
+        of_them = "it" if len(applied) == 1 else "them"
+        newer = _count(int(gaps.sum()), "newer keyframe")
+        gap = f", {newer} missing from {of_them}" if len(gaps) else ""
         mean_ms = applied["t_mu_ms"].mean()
         lines.append(f"{_count(len(applied), 'map update')} applied, T_MU {mean_ms:.0f} ms{gap}")
     for kind, what in (("update_declined", "map update"), ("keyframe_declined", "keyframe")):

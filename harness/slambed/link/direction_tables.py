@@ -4,7 +4,7 @@
 import numpy as np
 
 from slambed.link.direction import DirectionConfig, RateConfig
-from slambed.link.impairments import Bandwidth, Side
+from slambed.link.impairments import LARGEST_QUEUE_BYTES, Bandwidth, Side
 from slambed.link.profile import Profile
 from slambed.link.traces import mean_rate_mbps
 
@@ -36,7 +36,8 @@ def queue_bytes(rate: Bandwidth, profile: Profile) -> int:
         return rate.queue_bytes
     mbps = rate.mbps if rate.trace is None else mean_rate_mbps(profile.rate_traces[rate.trace])
     assert mbps is not None
-    return max(LEAST_QUEUE_BYTES, int(mbps * 1e6 / 8 * DEFAULT_QUEUE_S))
+    asked = int(mbps * 1e6 / 8 * DEFAULT_QUEUE_S)
+    return min(max(LEAST_QUEUE_BYTES, asked), LARGEST_QUEUE_BYTES)
 
 
 def direction_config(

@@ -10,6 +10,12 @@ from slambed.link.direction import JitterConfig, LossConfig
 
 STRICT = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
 
+# The limits below are those of systems/core/link/direction_config.cpp, so that a checked profile is
+# never refused by a run. A test compares them.
+LARGEST_QUEUE_BYTES = 10**10
+LONGEST_CORRELATION_S = 3600.0
+HEAVIEST_TAIL = 1.01
+
 
 class Jitter(BaseModel):
     """Random delay per packet on top of the profile, from a seed; packets are delivered in
@@ -23,13 +29,13 @@ class Jitter(BaseModel):
     """normal: standard deviation; the mean is 0, and the total delay never drops below 0."""
     mean_ms: float | None = Field(default=None, gt=0, le=LONGEST_MS)
     """pareto: mean of the extra delay, which starts at 0."""
-    tail: float = Field(default=3.0, gt=1, le=100)
+    tail: float = Field(default=3.0, ge=HEAVIEST_TAIL, le=100)
     """pareto: tail index; a smaller index means a heavier tail."""
     max_ms: float | None = Field(default=None, gt=0, le=LONGEST_MS)
     """Largest extra delay; null: no bound."""
     correlation: float = Field(default=0.0, ge=0, lt=1)
     """Correlation between successive packets."""
-    correlation_s: float | None = Field(default=None, gt=0, le=1e6)
+    correlation_s: float | None = Field(default=None, gt=0, le=LONGEST_CORRELATION_S)
     """Time constant of correlation in time, exp(-dt / this), which is independent of the packet
     rate."""
 
@@ -138,7 +144,7 @@ class Bandwidth(BaseModel):
     """Constant rate in Mbit/s."""
     trace: str | None = None
     """Path of a Mahimahi file; it repeats from its start when it ends."""
-    queue_bytes: int | None = Field(default=None, ge=3000, le=2**40)
+    queue_bytes: int | None = Field(default=None, ge=3000, le=LARGEST_QUEUE_BYTES)
     """Default: what the mean rate carries in 200 ms, at least 64 KiB."""
 
     @model_validator(mode="after")

@@ -18,7 +18,7 @@ def read_profile(item: str | float | dict[str, Any], where: str) -> NamedProfile
     """Parses a profile given by name, as a number or inline."""
     profile = parse_profile(item, where)
     content = {key: value for key, value in profile.content.items() if key not in WORDS}
-    return NamedProfile(profile.name, content)
+    return NamedProfile(profile.name, content, profile.remarks)
 
 
 def adds_nothing(profile: NamedProfile) -> bool:

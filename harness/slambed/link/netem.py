@@ -46,7 +46,7 @@ def why_not_netem(profile: Profile) -> str | None:
     lose all packets are possible by switching the loss on and off, without random numbers."""
     for side in (profile.up, profile.down):
         if side.jitter:
-            return "its jitter reorders packets and has no seed; use backend relay"
+            return "its jitter has no seed; use backend relay"
         if side.loss and not all_or_none(side):
             return "its losses have no seed; use backend relay"
         if side.rate and side.rate.trace:
@@ -104,7 +104,7 @@ class NetemShaper:
     def start(self, t0_ns: int) -> None:
         """Follows the profile from `t0_ns` on; a constant profile without bursts needs no
         thread."""
-        if self._profile.duration == 0.0 and not any(self._bursts):
+        if self._profile.settled_s == 0.0 and not any(self._bursts):
             return
         self._thread = threading.Thread(
             target=self._follow, args=(t0_ns,), name="netem", daemon=True
@@ -116,7 +116,7 @@ class NetemShaper:
             # Without the privilege updates may be late, which the log shows.
             with contextlib.suppress(OSError):
                 os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(FIFO_PRIORITY))
-        end_s = self._profile.duration
+        end_s = self._profile.settled_s
         step = 0
         try:
             while not self._stopped.is_set():
@@ -156,7 +156,7 @@ class NetemShaper:
         }
         if any(self._bursts):
             series |= {"lost_up": (times, applied[:, 2]), "lost_down": (times, applied[:, 3])}
-        end_s = math.inf if self._profile.duration is None else self._profile.duration
+        end_s = math.inf if self._profile.settled_s is None else self._profile.settled_s
         steps = np.diff(times[(times >= 0) & (times <= end_s)]) * 1e3
         details = LinkDetails(updates=len(self._applied))
         if len(steps):
@@ -183,7 +183,7 @@ def _bytes_per_s(side: Side) -> int:
 def _limits(profile: Profile) -> list[int]:
     """Returns the packet limit per end; netem's limit also counts packets in flight, so they are
     added to the queue size."""
-    t = np.arange(0.0, max(profile.duration or 0.0, CHECK_FOREVER_S), 0.1)
+    t = np.arange(0.0, max(profile.settled_s or 0.0, CHECK_FOREVER_S), 0.1)
     limits = []
     for side, delays_ms in ((profile.up, profile.up_ms(t)), (profile.down, profile.down_ms(t))):
         if side.rate is None:

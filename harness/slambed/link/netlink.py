@@ -23,6 +23,7 @@ TC_H_ROOT, HANDLE = 0xFFFFFFFF, 0x10000
 TCA_KIND, TCA_OPTIONS = 1, 2
 TCA_NETEM_RATE, TCA_NETEM_RATE64, TCA_NETEM_LATENCY64 = 6, 8, 10
 LONGEST_U32 = 0xFFFFFFFF
+ETHERNET_HEADER_BYTES = 14
 # linux/ethtool.h, linux/sockios.h
 SIOCETHTOOL, SIOCGIFFLAGS = 0x8946, 0x8913
 ETHTOOL_STSO, ETHTOOL_SGSO = 0x1F, 0x24
@@ -49,7 +50,9 @@ class NetemSettings:
         """Returns struct tc_netem_qopt and its attributes."""
         plain = struct.pack("=6I", 0, self.limit_packets, LONGEST_U32 * self.lost, 0, 0, 0)
         short = min(self.rate_bytes_per_s, LONGEST_U32)
-        rate = _attribute(TCA_NETEM_RATE, struct.pack("=IiIi", short, 0, 0, 0))
+        # A veth device has a header that the relay's and the model's packets lack: the rate is one
+        # of IP packets everywhere.
+        rate = _attribute(TCA_NETEM_RATE, struct.pack("=IiIi", short, -ETHERNET_HEADER_BYTES, 0, 0))
         rate64 = _attribute(TCA_NETEM_RATE64, struct.pack("=Q", self.rate_bytes_per_s))
         latency = _attribute(TCA_NETEM_LATENCY64, struct.pack("=q", round(self.delay_ms * 1e6)))
         return plain + rate + (rate64 if self.rate_bytes_per_s > LONGEST_U32 else b"") + latency

@@ -19,18 +19,24 @@ DPI = 150
 LINKS_DPI = 80
 """Lower resolution for plots with thousands of points, so that files stay small."""
 DEFAULT_SPAN_S = 30.0
-"""Plotted range of a constant profile."""
+"""Described range of a constant profile."""
+ENDLESS_SPAN_S = 120.0
+"""Described range of a profile that never settles."""
 POINTS = 4000
 COLUMNS = 2
 ERROR_SPAN_MS = 1.0
 
 
+def length_s(profile: Profile) -> float:
+    """Returns the length of the profile that a summary describes; of a constant profile and of one
+    that never settles a usual length."""
+    end = ENDLESS_SPAN_S if profile.duration is None else profile.duration
+    return end or DEFAULT_SPAN_S
+
+
 def span_s(profile: Profile) -> float:
-    """Returns the length of the profile to plot."""
-    end = profile.duration
-    if end is None:
-        end = 120.0
-    return max(end * 1.05, DEFAULT_SPAN_S if end == 0 else 0.0)
+    """Returns the range to plot, a little more than the length, so that its end is seen."""
+    return length_s(profile) * (1.05 if profile.duration != 0 else 1.0)
 
 
 def plot_profile(profile: Profile, path: Path, until_s: float | None = None) -> None:

@@ -7,7 +7,7 @@ is an RTT; half of it is applied per direction unless `up_share` or `one_way_ms`
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, Literal
 
@@ -19,7 +19,13 @@ from slambed.files.yaml_source import in_words, load_yaml
 from slambed.link.curves import LONGEST_MS, Curve, Times
 from slambed.link.impairments import Bandwidth, Gap, Jitter, PacketLoss, Side
 from slambed.link.profile_reader import ProfileReader, substitute
-from slambed.link.traces import check_digest, find_trace, read_rate_trace, sha256_of
+from slambed.link.traces import (
+    check_digest,
+    find_trace,
+    lasting_name,
+    read_rate_trace,
+    sha256_of,
+)
 from slambed.native import repository_root
 from slambed.suggestion import suggestion
 
@@ -45,7 +51,8 @@ class Profile:
     source: str
     """Source of its numbers."""
     duration: float | None
-    """Seconds after which the profile is constant; None if it never settles."""
+    """Its length in lists and plots [s]; None for a profile that never settles and says nothing.
+    Every link follows the curves, see `settled_s`."""
     up_curve: Curve
     down_curve: Curve
     up_share: float
@@ -58,6 +65,8 @@ class Profile:
     """File name -> delivery opportunities of the Mahimahi trace in ms."""
     content: Mapping[str, Any] = field(default_factory=dict)
     """Input with which `parse_profile` recreates the profile; includes digests of traces."""
+    remarks: tuple[str, ...] = ()
+    """What was assumed about its traces, a line each."""
 
     def up_ms(self, t: Times) -> Times:
         """Returns the one-way delay mobile to edge at run times `t` [s]."""
@@ -81,6 +90,12 @@ class Profile:
         return float(self.up_ms(at)[0]), float(self.down_ms(at)[0])
 
     @property
+    def settled_s(self) -> float | None:
+        """Seconds after which its delays are constant; None if they never settle."""
+        ends = [curve.duration_s() for curve in (self.up_curve, self.down_curve)]
+        return None if None in ends else max(end for end in ends if end is not None)
+
+    @property
     def needs_seed(self) -> bool:
         """True for random impairments, which only the relay can reproduce."""
         return any(side.jitter or side.loss for side in (self.up, self.down))
@@ -89,7 +104,7 @@ class Profile:
     def is_none(self) -> bool:
         """True when the link adds nothing."""
         free = not (self.needs_seed or self.up.rate or self.down.rate or self.gaps)
-        return free and self.duration == 0.0 and self.rtt_ms(0.0) == 0.0
+        return free and self.settled_s == 0.0 and self.rtt_ms(0.0) == 0.0
 
 
 def profiles_folder() -> Path:
@@ -172,13 +187,14 @@ def _build(data: Mapping[str, Any], overrides: Mapping[str, Any], reader: Profil
     content = reader.pin_traces(data)
     if traces:
         content["rate_sha256"] = {
-            name: sha256_of(find_trace(name, reader.near)) for name in sorted(traces)
+            lasting_name(name, reader.near): sha256_of(find_trace(name, reader.near))
+            for name in sorted(traces)
         }
     profile = Profile(
         name=_text(data, "name", reader),
         description=_text(data, "description", reader),
         source=_text(data, "source", reader),
-        duration=_duration(data, (up_curve, down_curve), reader),
+        duration=None,
         up_curve=up_curve,
         down_curve=down_curve,
         up_share=up_share,
@@ -189,9 +205,10 @@ def _build(data: Mapping[str, Any], overrides: Mapping[str, Any], reader: Profil
         gap_mode=gap_mode,
         rate_traces=traces,
         content=content,
+        remarks=tuple(dict.fromkeys(reader.remarks)),
     )
     _check_values(profile, reader)
-    return profile
+    return replace(profile, duration=_duration(data, profile, reader))
 
 
 def _mapping(data: Mapping[str, Any], key: str, reader: ProfileReader) -> dict[str, Any]:
@@ -264,9 +281,7 @@ def _text(data: Mapping[str, Any], key: str, reader: ProfileReader) -> str:
     return value.strip()
 
 
-def _duration(
-    data: Mapping[str, Any], curves: tuple[Curve, Curve], reader: ProfileReader
-) -> float | None:
+def _duration(data: Mapping[str, Any], profile: Profile, reader: ProfileReader) -> float | None:
     if (asked := data.get("duration_s")) is not None:
         is_number = isinstance(asked, int | float) and not isinstance(asked, bool)
         if not is_number or not 0 <= asked <= LONGEST_S:
@@ -275,13 +290,12 @@ def _duration(
                 f"expected seconds up to {LONGEST_S:g}, not {found}", "duration_s"
             )
         return float(asked)
-    ends = [curve.duration_s() for curve in curves]
-    return None if None in ends else max(end for end in ends if end is not None)
+    return profile.settled_s
 
 
 def _check_values(profile: Profile, reader: ProfileReader) -> None:
-    curve_ends = [curve.duration_s() for curve in (profile.up_curve, profile.down_curve)]
-    horizon = max([CHECK_FOREVER_S if end is None else end for end in curve_ends])
+    ends = [curve.duration_s() for curve in (profile.up_curve, profile.down_curve)]
+    horizon = max([CHECK_FOREVER_S if end is None else end for end in ends])
     if not horizon <= LONGEST_S:
         raise reader.complaint(
             f"the profile lasts {horizon:g} s, more than {LONGEST_S:g} s",

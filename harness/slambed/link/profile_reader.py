@@ -13,7 +13,7 @@ from slambed.errors import SlambedError
 from slambed.files.yaml_source import in_words, mistake
 from slambed.link import curves
 from slambed.link.curves import Curve
-from slambed.link.traces import TraceFile, find_trace, read_rtt_trace, sha256_of
+from slambed.link.traces import TraceFile, find_trace, lasting_name, read_rtt_trace, sha256_of
 from slambed.suggestion import suggestion
 
 Model = TypeVar("Model", bound=BaseModel)
@@ -25,6 +25,8 @@ class ProfileReader:
     def __init__(self, where: str, near: Path | None = None) -> None:
         self.where = where
         self.near = near
+        self.remarks: list[str] = []
+        """What was assumed about its traces, a line each."""
 
     def complaint(self, what: str, place: str = "", advice: str = "") -> SlambedError:
         spot = f"{self.where} at {place}" if place else self.where
@@ -73,7 +75,7 @@ class ProfileReader:
             return self._sum(inner, below)
         if kind == "trace":
             description = self.model(TraceFile, inner, below)
-            return read_rtt_trace(description, self.near)
+            return read_rtt_trace(description, self.near, self.remarks)
         if kind in curves.PLAIN:
             plain: Curve = self.model(curves.PLAIN[kind], inner, below)  # type: ignore[assignment]
             return plain
@@ -110,7 +112,7 @@ class ProfileReader:
 
     def pin_traces(self, data: Any) -> Any:
         """Returns `data` with the digest of every trace file added, so that it identifies its
-        content."""
+        content, and with names by which the files are found from any folder."""
         if isinstance(data, list):
             return [self.pin_traces(item) for item in data]
         if not isinstance(data, Mapping):
@@ -119,7 +121,10 @@ class ProfileReader:
         trace = pinned.get("trace")
         if isinstance(trace, dict) and isinstance(trace.get("file"), str):
             digest = sha256_of(find_trace(trace["file"], self.near))
-            pinned["trace"] = {**trace, "sha256": digest}
+            name = lasting_name(trace["file"], self.near)
+            pinned["trace"] = {**trace, "file": name, "sha256": digest}
+        elif isinstance(trace, str):
+            pinned["trace"] = lasting_name(trace, self.near)
         return pinned
 
 

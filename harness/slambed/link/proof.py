@@ -19,6 +19,7 @@ from slambed.link.probe import Echoes
 from slambed.link.profile import Profile
 
 Values = NDArray[np.float64]
+NOT_MEASURED = "no RTT was measured"
 Measured = Annotated[
     float,
     BeforeValidator(lambda value: math.nan if value is None else value),
@@ -213,7 +214,7 @@ def _reason(
     if answered < wanted:
         return f"only {answered:.0%} of the RTT probes came back (at least {wanted:.0%} wanted)"
     if not np.isfinite(median):
-        return "no RTT was measured"
+        return NOT_MEASURED
     if median > tolerance.median_ms:
         return f"median RTT error {median:.2f} ms is above {tolerance.median_ms:g} ms"
     if tolerance.p99_ms is not None and p99 > tolerance.p99_ms:

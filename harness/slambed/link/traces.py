@@ -22,6 +22,8 @@ from slambed.suggestion import suggestion
 MAHIMAHI_PACKET_BITS = 1500 * 8
 _LONGEST_RATE_MS = 10**9
 _MAX_GAP_S = 1.0
+_PING_INTERVAL_S = 1.0
+"""Default of ping on every system."""
 _UNITS_S = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
 
 
@@ -45,8 +47,9 @@ class TraceFile(BaseModel):
     """Name of the RTT column."""
     rtt_unit: Literal["s", "ms", "us", "ns"] = "ms"
     """Unit of the RTT column."""
-    ping_interval_s: float = Field(default=1.0, gt=0)
-    """Time between two requests; ignored for a log with the timestamps of `-D`."""
+    ping_interval_s: float | None = Field(default=None, gt=0)
+    """Time between two requests; null: 1 s, which is said. Ignored for a log with the timestamps of
+    `-D`."""
     start_s: float = Field(default=0.0, ge=0)
     """Offset into the recording that becomes run time 0."""
     length_s: float | None = Field(default=None, gt=0)
@@ -84,12 +87,26 @@ def check_digest(path: Path, expected: str | None) -> None:
         raise SlambedError(f"not the expected content (sha256), {path}; fetch the file again")
 
 
-def read_rtt_trace(description: TraceFile, near: Path | None) -> Trace:
-    """Returns the recording as a curve that begins at run time 0."""
+def lasting_name(name: str, near: Path | None) -> str:
+    """Returns a name by which the trace is found without `near` too: its path where only the folder
+    of the profile leads to it, and otherwise `name`."""
+    path = find_trace(name, near)
+    try:
+        elsewhere = find_trace(name, None)
+    except SlambedError:
+        return str(path.resolve())
+    return name if elsewhere.resolve() == path.resolve() else str(path.resolve())
+
+
+def read_rtt_trace(description: TraceFile, near: Path | None, remarks: list[str]) -> Trace:
+    """Returns the recording as a curve that begins at run time 0. Appends to `remarks` what was
+    assumed about it."""
     path = find_trace(description.file, near)
     check_digest(path, description.sha256)
-    read = _read_ping if description.format == "ping" else _read_columns
-    times, values = read(path, description)
+    if description.format == "ping":
+        times, values = _read_ping(path, description, remarks)
+    else:
+        times, values = _read_columns(path, description)
     if len(times) == 0:
         raise SlambedError(f"no samples, {path}; expected {description.format} lines")
     times = times - times[0] - description.start_s
@@ -171,7 +188,9 @@ def _split(lines: list[str]) -> list[tuple[int, list[str]]]:
     return [(n, line.split()) for n, line in written]
 
 
-def _read_ping(path: Path, description: TraceFile) -> tuple[np.ndarray, np.ndarray]:
+def _read_ping(
+    path: Path, description: TraceFile, remarks: list[str]
+) -> tuple[np.ndarray, np.ndarray]:
     try:
         log = read_ping(read_lines(path))
     except ValueError as two:
@@ -179,7 +198,12 @@ def _read_ping(path: Path, description: TraceFile) -> tuple[np.ndarray, np.ndarr
     start = log.echoes[0].sent if log.echoes else 0.0
     # Subtracted before scaling, as above.
     sent = np.array([echo.sent - start for echo in log.echoes])
-    step_s = 1.0 if log.is_stamped else description.ping_interval_s
+    step_s = 1.0 if log.is_stamped else description.ping_interval_s or _PING_INTERVAL_S
+    if log.echoes and not log.is_stamped and description.ping_interval_s is None:
+        remarks.append(
+            f"{path.name} has no time stamps, so its requests count as {step_s:g} s apart; give "
+            "ping_interval_s if that is wrong"
+        )
     return sent * step_s, np.array([echo.rtt_ms for echo in log.echoes])
 
 

@@ -90,10 +90,8 @@ def profile_definitions() -> dict[str, Schema]:
                 {"type": "object", "additionalProperties": {"type": "number"}},
             ),
             "duration_s": _means(
-                "length of the profile in lists and plots, at most 100,000 s; netem, and the RTT "
-                "that a node is given instead of measuring it, stay constant from then on, the "
-                "relay and virtual runs follow the curves to their end; not given: as in the "
-                "curves",
+                "length of the profile in lists and plots, at most 100,000 s; every link follows "
+                "the curves beyond it, live or virtual; not given: until the curves are constant",
                 number_or_null,
             ),
             "rtt_ms": _means("RTT over run time; or give `one_way_ms`", CURVE),

@@ -39,6 +39,8 @@ class NamedProfile:
 
     name: str
     content: dict[str, Any]
+    remarks: tuple[str, ...] = ()
+    """What was assumed about its files, a line each."""
 
 
 @dataclass(frozen=True)

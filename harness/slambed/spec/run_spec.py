@@ -4,7 +4,9 @@
 import hashlib
 import json
 import math
+from collections.abc import Mapping
 from numbers import Real
+from pathlib import PurePath
 from typing import Any
 
 from pydantic import BaseModel, ConfigDict, Field
@@ -35,6 +37,34 @@ class LinkSpec(BaseModel):
     backend: str
     profile: str
     content: dict[str, Any]
+
+    def meaning(self) -> dict[str, Any]:
+        """Returns what identifies the link; a trace counts by its content, wherever it is
+        stored."""
+        return {**self.model_dump(mode="json"), "content": _without_folders(self.content)}
+
+
+def _without_folders(content: Any) -> Any:
+    """Returns a profile's content with the absolute paths of its traces, which have digests beside
+    them, reduced to names."""
+    if isinstance(content, list):
+        return [_without_folders(item) for item in content]
+    if not isinstance(content, Mapping):
+        return content
+    found = {key: _without_folders(value) for key, value in content.items()}
+    if isinstance(trace := found.get("trace"), str):
+        found["trace"] = _name(trace)
+    elif isinstance(trace, dict) and isinstance(trace.get("file"), str):
+        found["trace"] = {**trace, "file": _name(trace["file"])}
+    if isinstance(digests := found.get("rate_sha256"), dict):
+        named = {_name(path): digest for path, digest in digests.items()}
+        if len(named) == len(digests):  # not two files of one name
+            found["rate_sha256"] = named
+    return found
+
+
+def _name(path: str) -> str:
+    return PurePath(path).name if PurePath(path).is_absolute() else path
 
 
 class RunSpec(BaseModel):
@@ -117,7 +147,7 @@ class RunSpec(BaseModel):
             if self.device_edge
             else None,
             "profile": self.profile,
-            "link": self.link.model_dump(mode="json") if self.link else None,
+            "link": self.link.meaning() if self.link else None,
             "engine": self.engine,
             "seed": self.seed,
             "repetition": self.repetition,

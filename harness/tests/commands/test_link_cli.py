@@ -26,6 +26,28 @@ def test_a_profile_is_shown_as_table_and_picture(tmp_path: Path) -> None:
     assert picture.read_bytes().startswith(b"\x89PNG")
 
 
+def test_the_mean_is_over_the_length_and_not_over_the_picture(tmp_path: Path) -> None:
+    """The picture goes 5 % further, where the last value holds."""
+    path = tmp_path / "rising.yaml"
+    path.write_text("rtt_ms: {points: [[0, 0], [10, 100]]}\n")
+    arguments = ["show", str(path), "--output", str(tmp_path / "x.png")]
+    shown = RUNNER.invoke(app, arguments, catch_exceptions=False).stdout
+    assert "RTT: mean 49.95 ms, 0.00 to 100.00 ms" in shown
+    assert "crosses 40 ms 1 times in 10 s" in shown
+    shown = RUNNER.invoke(app, [*arguments, "--until-s", "20"], catch_exceptions=False).stdout
+    assert "RTT: mean 74.97 ms" in shown
+
+
+def test_an_assumed_ping_interval_is_said(tmp_path: Path) -> None:
+    lines = [f"64 bytes from 1.2.3.4: icmp_seq={i} ttl=57 time=9 ms" for i in range(1, 5)]
+    (tmp_path / "hall.log").write_text("\n".join(lines))
+    path = tmp_path / "hall.yaml"
+    path.write_text("rtt_ms: {trace: {file: hall.log, format: ping}}\n")
+    arguments = ["show", str(path), "--output", str(tmp_path / "x.png")]
+    shown = RUNNER.invoke(app, arguments, catch_exceptions=False).stdout
+    assert "note: hall.log has no time stamps, so its requests count as 1 s apart" in shown
+
+
 def test_parameters_can_be_tried(tmp_path: Path) -> None:
     picture = tmp_path / "x.png"
     arguments = ["show", "ramp", "--set", "peak_ms=50", "--output", str(picture)]

@@ -2,6 +2,7 @@
 """The time limit of a virtual run: exceeding the CPU time is an outcome, idling is an error."""
 
 import contextlib
+import json
 import os
 import re
 import signal
@@ -10,6 +11,7 @@ import time
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
+from threading import Event
 
 import psutil
 import pytest
@@ -19,6 +21,8 @@ from waiting import in_background, until
 from slambed.engines.virtual import VirtualRun
 from slambed.engines.written_bytes import KEPT_BYTES
 from slambed.errors import ExitCode, PassingError
+from slambed.spec.experiment import Playback
+from slambed.spec.run_spec import LinkSpec
 
 
 @pytest.fixture
@@ -99,3 +103,15 @@ def test_the_limit_is_part_of_the_key_where_it_is_not_the_usual_one() -> None:
     """It decides the outcome of a run; a run without it keeps the key it had before."""
     usual, other = virtual_spec(), virtual_spec(max_run_mb=30)
     assert "max_run_mb" not in usual.meaning() and usual.run_key != other.run_key
+
+
+def test_a_link_that_never_settles_goes_on_as_long_as_a_live_run_may_last(tmp_path: Path) -> None:
+    wave = {"sine": {"mean_ms": 20, "amplitude_ms": 10, "period_s": 4}}
+    link = LinkSpec(backend="virtual", profile="wave", content={"rtt_ms": wave})
+    for mode, factor in (("realtime", 1), ("every_frame", 10)):
+        spec = virtual_spec(link=link, playback=Playback(mode=mode))
+        raw = tmp_path / mode
+        raw.mkdir()
+        VirtualRun(spec, tmp_path, 5.0, raw, stand_in_sim(tmp_path), None).execute(Event())
+        delays = json.loads((raw / "sim.json").read_text())["link"]["up"]["delay_us"]
+        assert (len(delays) - 1) * 0.01 == 5.0 * factor + 30.0

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
+import pytest
 
 from slambed.explain.run_log import RunLog, RunStatus
 from slambed.explain.story import MOST_CHANGES, story
@@ -98,6 +99,24 @@ def test_a_stall_is_reported_with_the_steal_beside_it() -> None:
     quiet = story(stalled_run(0.0))
     assert message in quiet and not any("steal" in line for line in quiet)
     assert not any("stalled" in line for line in story(stalled_run(0.0, virtual=True)))
+
+
+@pytest.mark.parametrize(
+    ("missing", "line"),
+    [
+        ([2], "1 map update applied, T_MU 40 ms, 2 newer keyframes missing from it"),
+        ([0, 1], "2 map updates applied, T_MU 40 ms, 1 newer keyframe missing from them"),
+    ],
+)
+def test_keyframes_that_an_update_lacks_are_not_lost_by_the_link(
+    missing: list[int], line: str
+) -> None:
+    events = [
+        {"t_s": 1.0 + i, "type": "update_applied", "node": "mobile", "t_mu_ms": 40.0}
+        | {"update": i + 1, "gap_keyframes": count}
+        for i, count in enumerate(missing)
+    ]
+    assert line in story(log_of(*events))
 
 
 def test_a_stall_of_the_link_is_reported_with_its_end() -> None:

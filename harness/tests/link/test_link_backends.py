@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from link_parts import again_when_late, needs_root
+from waiting import until
 
 from slambed.errors import ExitCode, SlambedError
 from slambed.link import netem
@@ -22,6 +23,7 @@ from slambed.link.netlink import NetemSettings
 from slambed.link.profile import Profile, parse_profile
 from slambed.link.record import LinkRecord
 from slambed.link.scratch import two_namespaces
+from slambed.link.session import LinkOptions
 from slambed.link.traffic import TcpRttProbe, one_way
 from slambed.process.namespaces import inside
 
@@ -37,6 +39,7 @@ def fresh_namespaces() -> Iterator[tuple[Path, Path]]:
 
 PURE = parse_profile("ramp", "test")
 LOSSY = parse_profile({"rtt_ms": 5, "loss": {"random": 0.1}}, "test")
+JITTERY = parse_profile({"rtt_ms": 5, "jitter": {"sd_ms": 1}}, "test")
 
 
 @pytest.mark.parametrize(
@@ -59,6 +62,7 @@ def test_auto_takes_netem_unless_chance_must_be_seeded(
     ("backend", "profile", "message"),
     [
         ("netem", LOSSY, "backend netem cannot do.*its losses have no seed"),
+        ("netem", JITTERY, "backend netem cannot do.*its jitter has no seed; use backend relay"),
         ("none", PURE, "backend none adds nothing"),
         ("nettem", PURE, "unknown link backend 'nettem'"),
     ],
@@ -91,6 +95,50 @@ def test_netem_is_given_nanoseconds_limit_and_rate() -> None:
         place += size + -size % 4
     assert struct.unpack("=q", found[10]) == (12_500_000,)
     assert struct.unpack("=Q", found[8]) == (10**10,)
+    # The rate counts IP packets, without the header of Ethernet.
+    assert struct.unpack("=IiIi", found[6]) == (0xFFFFFFFF, -14, 0, 0)
+
+
+class RecordingEnd:
+    """Stands in for the netem of one device."""
+
+    def __init__(self, namespace: Path, device: str) -> None:
+        self.delays_ms: list[float] = []
+
+    def set(self, settings: NetemSettings, create: bool = False) -> None:
+        self.delays_ms.append(settings.delay_ms)
+
+    def close(self) -> None: ...
+
+
+class NoPair:
+    def __init__(self, mobile: Path, edge: Path, options: LinkOptions) -> None: ...
+
+    def remove(self) -> None: ...
+
+
+def test_netem_follows_the_curves_beyond_the_duration(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    """`duration_s` is of lists and plots, and the relay follows them too."""
+    ends: list[RecordingEnd] = []
+
+    def end(namespace: Path, device: str) -> RecordingEnd:
+        ends.append(RecordingEnd(namespace, device))
+        return ends[-1]
+
+    monkeypatch.setattr(netem, "VethPair", NoPair)
+    monkeypatch.setattr(netem, "NetemControl", end)
+    rising = {"rtt_ms": {"points": [[0, 10], [0.2, 50]]}, "duration_s": 0.05}
+    options = LinkOptions(real_time=False)
+    shaper = netem.NetemShaper(
+        tmp_path, tmp_path, parse_profile(rising, "test"), 1, tmp_path, options
+    )
+    shaper.apply()
+    shaper.start(time.monotonic_ns())
+    until(lambda: ends[0].delays_ms[-1] == 25.0, "the end of the curve")
+    shaper.abort()
+    assert ends[1].delays_ms[:2] == [0.0, 5.0] and ends[1].delays_ms[-1] == 25.0
 
 
 def proved(backend: str, ends: Ends, profile: Profile, log_dir: Path, seconds: float) -> LinkRecord:
@@ -179,6 +227,18 @@ class TestNetem:
         agree = np.isnan(samples.delay_ms) == np.array(wanted)
         assert 0.05 < np.mean(wanted) < 0.8
         assert agree[apart].mean() > 0.95
+
+    @again_when_late
+    def test_a_rate_counts_ip_packets_as_the_relay_does(self, ends: Ends, tmp_path: Path) -> None:
+        packet_bytes = 64 + 8 + 20
+        narrow = {"rtt_ms": 0, "rate": {"mbps": packet_bytes * 8 / 5e-3 / 1e6}}
+        profile = parse_profile(narrow, "test")
+        with open_link("netem", *ends, profile, 1, tmp_path, probe_hz=0) as link:
+            link.start(time.monotonic_ns())
+            samples = one_way(*ends, "10.77.0.2", 1000, 0.1)
+        arrived_ms = samples.sent_ns / 1e6 + samples.delay_ms
+        # 5 ms each; with the Ethernet header it would be 5.76 ms.
+        assert np.median(np.diff(arrived_ms)) == pytest.approx(5.0, abs=0.3)
 
     @again_when_late
     def test_tcp_sees_the_delay(self, ends: Ends, tmp_path: Path) -> None:

@@ -5,6 +5,7 @@ import json
 import os
 import subprocess
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -20,7 +21,8 @@ from slambed.link.messages import (
     compare_profile,
     virtual_ms,
 )
-from slambed.link.profile import parse_profile
+from slambed.link.modeled import modeled_link
+from slambed.link.profile import Profile, parse_profile
 from slambed.native import find_program
 
 pytestmark = needs_programs
@@ -128,6 +130,65 @@ def test_bad_traces_are_refused(tmp_path: Path) -> None:
         assert done.returncode == (ExitCode.BAD_INPUT if complaint else ExitCode.OK), done.stderr
         assert complaint in done.stderr and done.stderr.count(os.linesep) == bool(complaint)
     assert np.isfinite(json.loads(good_arrival(program, tmp_path, good, message))["received_ns"])
+
+
+def of_link(**keys: Any) -> Profile:
+    return parse_profile({"rtt_ms": 10, **keys}, "test")
+
+
+def jitter(**keys: Any) -> dict[str, Any]:
+    return {"up": {"jitter": keys}}
+
+
+def chain(**keys: Any) -> dict[str, Any]:
+    return {"up": {"loss": {"gilbert_elliott": keys}}}
+
+
+LIMITS = [
+    ({"rtt_ms": 120_000}, {"delay_us": [60e6 + 1]}),
+    ({"up": {"rate": {"mbps": 0.001, "queue_bytes": 3000}}}, {"rate": {"bits_per_s": 999.0}}),
+    ({"up": {"rate": {"mbps": 100_000}}}, {"rate": {"bits_per_s": 1.01e12}}),
+    (
+        {"up": {"rate": {"mbps": 1, "queue_bytes": 10**10}}},
+        {"rate": {"queue_bytes": 10**10 + 1}},
+    ),
+    (jitter(sd_ms=60_000, max_ms=60_000), {"jitter": {"scale_us": 60e6 + 1}}),
+    (jitter(sd_ms=1, correlation_s=3600), {"jitter": {"correlation_time_s": 3600.1}}),
+    (jitter(shape="pareto", mean_ms=1, tail=1.01), {"jitter": {"pareto_shape": 1.009}}),
+    (jitter(shape="pareto", mean_ms=1, tail=100), {"jitter": {"pareto_shape": 100.1}}),
+    (chain(good_s=1e6, bad_s=1e-4), {"loss": {"good_s": 1e6 + 1}}),
+    (chain(good_s=1e-4, bad_s=1e-4, loss_bad=0), {"loss": {"bad_s": 0.9e-4}}),
+]
+
+
+@pytest.mark.parametrize(("asked", "beyond"), LIMITS)
+def test_the_program_accepts_every_checked_profile(
+    tmp_path: Path, asked: dict[str, Any], beyond: dict[str, Any]
+) -> None:
+    """The limits of a profile are those of the program, which has no wider ones on either side."""
+    program = find_program("slambed-sim")
+    link = modeled_link(of_link(**asked), 60.0).as_json()
+    content = {"format": "slambed-messages", "version": 1, "seed": 1, "messages": []}
+    content["messages"] = [{"sent_s": 0.0, "bytes": 100}]
+
+    def refused() -> str:
+        path = tmp_path / "trace.json"
+        path.write_text(json.dumps(content | {"link": link}))
+        # The longest delays need more virtual time than the program waits for.
+        return subprocess.run([program, "--messages", path], capture_output=True, text=True).stderr
+
+    assert "link configuration" not in refused()
+    for key, value in beyond.items():
+        link["up"][key] = {**link["up"][key], **value} if isinstance(value, dict) else value
+    assert "link configuration" in refused()
+
+
+def test_the_default_queue_is_never_larger_than_the_largest(tmp_path: Path) -> None:
+    """A trace of 12 Tbit/s."""
+    trace = tmp_path / "fast.up"
+    trace.write_text("1\n" * 1_000_000)
+    direction = modeled_link(of_link(up={"rate": {"trace": str(trace)}}), 60.0).up
+    assert direction.rate is not None and direction.rate.queue_bytes == 10**10
 
 
 def good_arrival(program: Path, folder: Path, content: dict, message: dict) -> str:

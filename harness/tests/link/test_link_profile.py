@@ -9,8 +9,11 @@ from typing import Any
 import numpy as np
 import pytest
 
+from slambed.engines.result import profile_rtt
 from slambed.errors import SlambedError
+from slambed.link.modeled import modeled_link
 from slambed.link.profile import load_profile, parse_profile, profile_names
+from slambed.spec.run_spec import LinkSpec
 
 
 def inline(rtt: Any, **keys: Any) -> dict[str, Any]:
@@ -49,12 +52,27 @@ def test_half_of_the_rtt_goes_each_way_unless_said_otherwise() -> None:
     assert apart.rtt_ms(3.0) == 14
 
 
-def test_duration_is_when_nothing_changes_any_more() -> None:
+def test_duration_is_when_nothing_changes_any_more_unless_it_is_given() -> None:
     assert load_profile("none").duration == 0
     assert load_profile("ramp_85").duration == 86
     assert load_profile("sine").duration == 87  # as played in the paper
     wave = {"sine": {"mean_ms": 9, "amplitude_ms": 1, "period_s": 4}}
     assert parse_profile(inline(wave), "here").duration is None
+
+
+RISING = inline({"points": [[0, 10], [4, 50]]}, duration_s=1)
+
+
+def test_every_link_follows_the_curves_beyond_the_duration() -> None:
+    """`duration_s` is of lists and plots."""
+    profile = parse_profile(RISING, "here")
+    assert (profile.duration, profile.settled_s) == (1, 4)
+    up = modeled_link(profile, 60.0).up  # as in relay.json and sim.json
+    assert up.delay_us[-1] == 25_000
+    given = profile_rtt(LinkSpec(backend="relay", profile="x", content=dict(RISING)), 60.0)
+    assert given.rtt_ms[-1] == 50
+    still = parse_profile(inline({"points": [[0, 0], [4, 50]]}, duration_s=0), "here")
+    assert not still.is_none
 
 
 def test_the_papers_profiles_have_the_papers_values() -> None:
@@ -161,6 +179,12 @@ def test_a_bad_curve_gets_one_clear_line(rtt: Any, message: str) -> None:
         (inline(3, up_share=2), "expected a share 0..1"),
         (inline(3, jitter={"sd_s": 2}), "unknown key 'sd_s'.*did you mean 'sd_ms'"),
         (inline(3, jitter={"shape": "pareto", "sd_ms": 2}), "pareto jitter takes mean_ms"),
+        (inline(3, jitter={"sd_ms": 2, "correlation_s": 3601}), "less than or equal to 3600"),
+        (
+            inline(3, jitter={"shape": "pareto", "mean_ms": 2, "tail": 1.009}),
+            "greater than or equal to 1.01",
+        ),
+        (inline(3, rate={"mbps": 1, "queue_bytes": 10**10 + 1}), "less than or equal to 100000000"),
         (inline(3, loss={"random": 2}), "less than or equal to 1"),
         (inline(3, loss={}), "give one of random, gilbert_elliott"),
         (inline(3, loss={"gilbert_elliott": {"good_s": 5}}), "give good_s and bad_s"),

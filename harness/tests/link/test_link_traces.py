@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Recorded RTTs and rates: parsing, windows, digests, and rejected input."""
 
+import json
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -9,6 +11,7 @@ import pytest
 from slambed.errors import SlambedError
 from slambed.link.profile import Profile, load_profile, parse_profile
 from slambed.link.traces import mean_rate_mbps, read_rate_trace
+from slambed.spec.run_spec import LinkSpec
 
 
 def trace(tmp_path: Path, text: str, **keys: Any) -> Profile:
@@ -82,6 +85,45 @@ def test_a_trace_is_found_beside_its_profile(tmp_path: Path) -> None:
     profile = load_profile(tmp_path / "mine.yaml")
     assert profile.rtt_ms(0.5) == 5
     assert len(profile.content["rtt_ms"]["trace"]["sha256"]) == 64
+
+
+@pytest.mark.parametrize("named", [lambda path: path, lambda path: {"profile": path, "name": "x"}])
+def test_a_run_finds_what_lies_beside_a_profile_file(
+    tmp_path: Path, named: Callable[[str], Any]
+) -> None:
+    (tmp_path / "mine.csv").write_text("time_s,rtt_ms\n0,5\n1,5\n")
+    (tmp_path / "mine.up").write_text("1\n2\n")
+    (tmp_path / "mine.yaml").write_text(
+        "rtt_ms: {sum: [1, {trace: {file: mine.csv}}]}\nup: {rate: {trace: mine.up}}\n"
+    )
+    first = parse_profile(named(str(tmp_path / "mine.yaml")), "exp.yaml")
+    of_a_run = parse_profile(json.loads(json.dumps(first.content)), "a run's content")
+    assert of_a_run.rtt_ms(0.5) == 6
+    assert list(of_a_run.rate_traces.values()) == [[1, 2]]
+    assert of_a_run.content == first.content
+
+
+def test_the_folder_of_a_trace_is_in_no_run_key(tmp_path: Path) -> None:
+    meanings = []
+    for folder in (tmp_path / "a", tmp_path / "b"):
+        folder.mkdir()
+        (folder / "mine.csv").write_text("time_s,rtt_ms\n0,5\n1,5\n")
+        (folder / "mine.up").write_text("1\n2\n")
+        (folder / "mine.yaml").write_text(
+            "rtt_ms: {trace: {file: mine.csv}}\nup: {rate: {trace: mine.up}}\n"
+        )
+        content = dict(load_profile(folder / "mine.yaml").content)
+        meanings.append(LinkSpec(backend="relay", profile="mine", content=content).meaning())
+    assert meanings[0] == meanings[1]
+    (tmp_path / "b/mine.up").write_text("1\n3\n")
+    content = dict(load_profile(tmp_path / "b/mine.yaml").content)
+    other = LinkSpec(backend="relay", profile="mine", content=content).meaning()
+    assert other != meanings[0]
+
+
+def test_a_catalog_trace_keeps_its_name() -> None:
+    rate = load_profile("cloudslam_lte_like").content["up"]["rate"]
+    assert rate["trace"] == "traces/cloudslam_lte_like.up"
 
 
 def test_a_mahimahi_trace(tmp_path: Path) -> None:
@@ -169,6 +211,18 @@ def test_sequence_numbers_wrap(tmp_path: Path) -> None:
     lines = [UNIX_REPLY.format(seq=n % 65536, ms=n - 65500) for n in range(65530, 65540)]
     profile = ping_trace(tmp_path, lines)
     assert profile.duration == 9 and profile.rtt_ms(9) == pytest.approx(39)
+
+
+def test_an_assumed_interval_is_said(tmp_path: Path) -> None:
+    replies = [UNIX_REPLY.format(seq=i, ms=9) for i in range(1, 5)]
+    assumed = ping_trace(tmp_path, replies)
+    (line,) = assumed.remarks
+    assert "no time stamps" in line and "1 s apart" in line and "ping_interval_s" in line
+    assert parse_profile(assumed.content, "again").remarks == assumed.remarks
+    told = ping_trace(tmp_path, replies, ping_interval_s=0.2)
+    assert told.duration == pytest.approx(0.6) and not told.remarks
+    stamped = [f"[{1700000000 + 0.2 * i:.6f}] {reply}" for i, reply in enumerate(replies)]
+    assert not ping_trace(tmp_path, stamped).remarks
 
 
 def test_stamps_of_a_log_count_instead_of_an_interval(tmp_path: Path) -> None:

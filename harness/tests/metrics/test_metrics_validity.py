@@ -47,6 +47,22 @@ def test_an_error_of_the_rtt_is_reported_once(tmp_path: Path) -> None:
     assert lines[1] in reported["invalid_reason"]
 
 
+def test_the_error_of_the_rtt_is_judged_by_the_tolerances_that_hold_now(tmp_path: Path) -> None:
+    """The link judged it too, by those of its day."""
+    proof = {"asked_ms_mean": 40.0, "measured_ms_mean": 42.4, "error_ms_median": 2.4,
+             "error_ms_p99": 4.0, "echoes": 200, "valid": False, "reason": "", "base_ms": 0.2,
+             "answered_share": 1.0, "error_ms_max": None, "bias_ms": None}  # fmt: skip
+    change = {
+        "link": {"base_rtt_ms": 0.2, "proof": proof},
+        "invalid_reasons": ["link: median RTT error 2.40 ms is above 1 ms"],
+    }
+    raw = write_raw(tmp_path / "raw", RawRun(manifest=change))
+    strict = summarize_run(raw, EDGE_SPEC)
+    assert strict["invalid_reason"] == "RTT error median 2.40 ms is above 1 ms"
+    wide = EDGE_SPEC | {"tolerances": {"rtt_error_ms_median": 3.0}}
+    assert summarize_run(raw, wide)["valid"] is True
+
+
 def test_steal_is_reported_as_steal(tmp_path: Path) -> None:
     raw = write_raw(tmp_path / "raw", RawRun(stall_ms=250))
     rows = [json.loads(line) for line in (raw / "samples.jsonl").read_text().splitlines()]

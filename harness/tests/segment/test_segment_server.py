@@ -100,6 +100,7 @@ def test_it_answers_however_deep_and_ends_with_its_input_when_asked_to(tmp_path:
         assert process.stdout.readline() == b"ready\n"
         assert (deep / "s").is_socket()
         process.stdin.close()
+        assert process.stdout.readline().startswith(b"cpu_s ")
         assert process.wait(10) == 0
 
 

@@ -64,7 +64,8 @@ PacketOutcome DirectionModel::admit(std::int64_t now_ns, std::uint32_t bytes, La
   }
   result.profile_ns = schedule_.at(run_time(leaves_ns));
   std::int64_t due_ns = leaves_ns + std::max<std::int64_t>(0, result.profile_ns + extra_ns);
-  if (const Gap* gap = gap_at(run_time(due_ns))) {
+  // The end of one outage may lie within another.
+  while (const Gap* gap = gap_at(run_time(due_ns))) {
     if (gap_drops_) {
       result.fate = Fate::kInGap;
       return result;

@@ -25,6 +25,7 @@ PlayedSequence::PlayedSequence(const System& system, const Parameters& parameter
              .scale_factor = orb.scale_factor,
              .played_fps = playlist.played_fps()} {
   check_sensor(system, sequence);
+  check_octaves(system, parameters);
 }
 
 BuiltMobile::BuiltMobile(const System& system, const Parameters& parameters,

@@ -56,6 +56,18 @@ void check_sensor(const System& system, const PreparedSequence& sequence) {
                   system.name + " plays " + known + "; choose another sequence or system");
 }
 
+void check_octaves(const System& system, const Parameters& parameters) {
+  if (!system.orb_levels || !system.extracts_on_edge || !system.extracts_on_edge(parameters))
+    return;
+  const int fixed = system.orb(parameters).levels;
+  for (const int levels : system.orb_levels(parameters)) {
+    if (levels == fixed) continue;
+    throw bad_input("system " + system.name + " extracts features on the edge, always from " +
+                    std::to_string(fixed) + " octaves; its mobile may not change to " +
+                    std::to_string(levels));
+  }
+}
+
 fs::path prepare_node_folder(const fs::path& output, NodeRole role) {
   const fs::path folder = output / role_name(role);
   std::error_code error;

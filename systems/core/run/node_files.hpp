@@ -33,6 +33,10 @@ bool succeeds_a_dead_edge(const std::filesystem::path& output, NodeRole role);
 /// Throws bad_input unless the system supports the sequence's sensor.
 void check_sensor(const System& system, const PreparedSequence& sequence);
 
+/// Throws if the mobile may change the number of octaves while the edge extracts the features: the
+/// edge would not learn of it.
+void check_octaves(const System& system, const Parameters& parameters);
+
 /// Creates <output>/<role> and removes an earlier run's ready.json and node.json. Throws
 /// environment_error.
 std::filesystem::path prepare_node_folder(const std::filesystem::path& output, NodeRole role);

@@ -29,7 +29,7 @@ struct PathStats {
   std::optional<Duration> smoothed_rtt;  ///< tcpi_rtt, or its model
   /// Live: bytes in the send queue and in the kernel's send buffer (SIOCOUTQ). In virtual time:
   /// bytes that TCP has sent and the peer has not acknowledged, without the send queue and without
-  /// what the congestion window holds back. The codec `compatibility` adds its own queue.
+  /// what the congestion window holds back. The codec `compatibility` adds what it still holds.
   std::uint64_t unacknowledged_bytes = 0;
   bool connected = false;
   std::uint64_t connections = 0;  ///< number of connections so far, including this one

@@ -77,6 +77,14 @@ TEST(Direction, PacketsInAGapWaitForItsEnd) {
   EXPECT_EQ(model.admit(1295 * kMs, 100).due_ns, 1305 * kMs);
 }
 
+TEST(Direction, PacketsWaitForTheEndOfOverlappingGaps) {
+  DirectionOptions options = delays({10 * kMs});
+  options.gaps = {{kSecond, kSecond + 300 * kMs}, {kSecond + 200 * kMs, kSecond + 500 * kMs}};
+  DirectionModel model(options, 1, 0);
+  model.start(0);
+  EXPECT_EQ(model.admit(995 * kMs, 100).due_ns, 1500 * kMs);
+}
+
 TEST(Direction, AGapCanDropInstead) {
   DirectionOptions options = delays({10 * kMs});
   options.gaps = {{kSecond, kSecond + 300 * kMs}};

@@ -67,6 +67,7 @@ PathStats StopAndWaitChannel::path() const {
   for (const Message& message : outgoing_) {
     stats.unacknowledged_bytes += size_on_wire(message);
   }
+  stats.unacknowledged_bytes += announced_bytes_;
   return stats;
 }
 
@@ -111,6 +112,7 @@ void StopAndWaitChannel::on_ack(std::uint64_t code) {
   if (phase_ == Phase::kAnnounced && code == ack_code(current_.sequence, false)) {
     phase_ = Phase::kSent;
     below_.send(current_.type, current_.payload);
+    set_announced_bytes(0);
   } else if (phase_ == Phase::kSent && code == ack_code(current_.sequence, true)) {
     phase_ = Phase::kIdle;
   }
@@ -140,16 +142,23 @@ void StopAndWaitChannel::begin_next() {
     if (held_ || outgoing_.empty()) return;
     current_ = std::move(outgoing_.front());
     outgoing_.pop_front();
+    announced_bytes_ = size_on_wire(current_);
   }
   announce();
 }
 
 void StopAndWaitChannel::announce() {
   phase_ = Phase::kAnnounced;
+  set_announced_bytes(size_on_wire(current_));
   connection_ = below_.path().connections;
   slambed::send(below_, wire::AnnounceMessage{.sequence = current_.sequence,
                                               .queued = current_.queued,
                                               .bytes = current_.payload.size()});
+}
+
+void StopAndWaitChannel::set_announced_bytes(std::uint64_t bytes) {
+  std::lock_guard lock(mutex_);
+  announced_bytes_ = bytes;
 }
 
 void StopAndWaitChannel::acknowledge(std::uint64_t sequence, bool whole) {

@@ -43,6 +43,7 @@ class StopAndWaitChannel final : public Channel {
   void deliver(Message message);
   void begin_next();
   void announce();
+  void set_announced_bytes(std::uint64_t bytes);
   void acknowledge(std::uint64_t sequence, bool whole);
   void record_drop(const Message& message, bool incoming) const;
 
@@ -55,6 +56,8 @@ class StopAndWaitChannel final : public Channel {
   mutable std::mutex mutex_;  ///< guards what follows
   std::deque<Message> outgoing_, incoming_;
   bool held_ = false;
+  /// Of the message whose length is announced, and which the channel below does not have yet.
+  std::uint64_t announced_bytes_ = 0;
   std::uint64_t next_sequence_ = 1;
 
   // Used by the worker only.

@@ -39,7 +39,7 @@ std::optional<std::string_view> update_decline_reason(const UpdateRules& rules,
   if (limit >= kShortest && state.since_keyframe < limit) return "fast motion";
   if (rules.keyframe_rate_hz > 0 &&
       state.keyframes_in_window > rules.keyframe_rate_hz * to_seconds(kRateWindow)) {
-    return "fast motion";
+    return "many keyframes";
   }
   return std::nullopt;
 }

@@ -19,7 +19,7 @@ struct UpdateRules {
   Duration fast_motion{};   ///< Edge-SLAM: 300 ms; 0: the age of the last keyframe declines nothing
   int local_map_size =
       kKeyframesPerStep;  ///< the limit is fast_motion / (local keyframes / this + 1)
-  /// DynNetSLAM: declines, also as "fast motion", while more keyframes a second are made; 0: never.
+  /// DynNetSLAM: declines while more keyframes a second are made, as in fast motion; 0: never.
   double keyframe_rate_hz = 0;
 };
 

@@ -71,6 +71,24 @@ TEST(StopAndWait, EachMessageTakesTwoRoundTrips) {
   }
 }
 
+TEST(StopAndWait, AnAnnouncedMessageIsNotAcknowledgedYet) {
+  Pair pair({.name = "k"});
+  std::vector<std::uint64_t> left;
+  pair.mobile.spawn("sender", [&](Worker& worker) {
+    pair.near.send(kKeyFrame, Bytes(5000, 1));
+    for (const RunTime when : {5ms, 15ms, 22ms, 45ms, 100ms}) {
+      worker.sleep_until(when);
+      left.push_back(pair.near.path().unacknowledged_bytes);
+    }
+  });
+  pair.run_until(1s);
+  // At 5 and 15 ms only the length has been handed to TCP, at 22 ms the message is in transit.
+  ASSERT_EQ(left.size(), 5u);
+  for (int i = 0; i < 3; ++i) EXPECT_GT(left[i], 5000u) << i;
+  EXPECT_EQ(left[3], 0u);
+  EXPECT_EQ(left[4], 0u);
+}
+
 TEST(StopAndWait, BothDirectionsAtOnce) {
   Pair pair({.name = "k"});
   int up = 0, down = 0;

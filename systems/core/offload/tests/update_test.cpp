@@ -79,14 +79,14 @@ TEST(UpdateRules, OfALocalMapOfOneEachKeyframeIsAStep) {
   EXPECT_EQ(reason(rules, state), "welcome");
 }
 
-TEST(UpdateRules, ManyKeyframesPerSecondAreFastMotionToo) {
+TEST(UpdateRules, ManyKeyframesPerSecondAreAReasonOfTheirOwn) {
   const UpdateRules rules{.min_local_keyframes = 1, .keyframe_rate_hz = 3};
   auto state = usual();
   state.since_keyframe = 0ms;
   state.keyframes_in_window = 3;
   EXPECT_EQ(reason(rules, state), "welcome");
   state.keyframes_in_window = 4;
-  EXPECT_EQ(reason(rules, state), "fast motion");
+  EXPECT_EQ(reason(rules, state), "many keyframes");
   EXPECT_EQ(reason({.min_local_keyframes = 1}, state), "welcome");
   state.relocalization = state.lost = true;
   EXPECT_EQ(reason(rules, state), "welcome");

@@ -5,8 +5,10 @@
 #include <algorithm>
 #include <nlohmann/json.hpp>
 
+#include "base/error.hpp"
 #include "base/tests/temporary_folder.hpp"
 #include "node/mobile_node.hpp"
+#include "run/node_files.hpp"
 #include "run/virtual_run.hpp"
 #include "synth/generator.hpp"
 
@@ -66,6 +68,23 @@ System culling_system(Seen& seen) {
     return std::make_unique<CullingPolicy>(node, seen);
   };
   return system;
+}
+
+TEST(PolicyHook, OctavesDoNotChangeOnAnEdgeThatExtracts) {
+  const Parameters none(nlohmann::json::object(), {}, "params.");
+  Seen seen;
+  System system = culling_system(seen);
+  bool on_edge = true;
+  std::vector<int> levels = {8};
+  system.orb = [](const Parameters&) { return OrbOptions{.levels = 8}; };
+  system.extracts_on_edge = [&](const Parameters&) { return on_edge; };
+  check_octaves(system, none);
+  system.orb_levels = [&](const Parameters&) { return levels; };
+  check_octaves(system, none);
+  levels = {8, 6};
+  EXPECT_THROW(check_octaves(system, none), Error);
+  on_edge = false;
+  check_octaves(system, none);
 }
 
 TEST(PolicyHook, TrackingSeesWhatThePolicyLeaves) {
