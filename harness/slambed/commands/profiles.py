@@ -95,6 +95,7 @@ def show(
         raise SlambedError(
             f"--until-s {until_s:g} is not between {LEAST_SHOWN_S:g} and {MOST_SHOWN_S:g}"
         )
+    asked = figure_file(output) if output else None
     profile = load_changed(name, values or [])
     if as_json:
         print_json(_facts(profile))
@@ -109,7 +110,7 @@ def show(
     console().print(table)
     for line in facts(profile, end):
         typer.echo(line)
-    target = figure_file(output) if output else picture(f"profile_{profile.name}.png")
+    target = asked or picture(f"profile_{profile.name}.png")
     plot_profile(profile, target, end)
     typer.echo(f"plot: {target}")
 
