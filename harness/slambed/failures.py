@@ -16,6 +16,7 @@ REMEDIES = {
     errno.EDQUOT: "free some of your quota and give the same command again",
     errno.EFBIG: "raise the limit on the size of a file ('ulimit -f') and give the same command "
     "again",
+    errno.EMFILE: "raise the limit on open files ('ulimit -n') and give the same command again",
     errno.EIO: "look at the disk ('dmesg') and give the same command again",
     errno.EROFS: "choose a place that can be written to, or mount it so",
     errno.ENAMETOOLONG: "choose a shorter path",

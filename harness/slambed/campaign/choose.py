@@ -8,7 +8,9 @@ from rich.console import Console
 
 from slambed.engines.base import Engine
 from slambed.engines.docker import DockerEngine
+from slambed.engines.docker_errors import daemon_failures
 from slambed.engines.docker_image import build_image, connect, find_image
+from slambed.engines.docker_kinds import shortcomings
 from slambed.engines.helper import is_root
 from slambed.engines.local import LocalEngine
 from slambed.errors import ExitCode, SlambedError, environment_error
@@ -41,15 +43,18 @@ def choose_engine(
     name, why = decide(asked)
     if why:
         console.print(why, highlight=False, soft_wrap=True)
-    return _local() if name == "local" else _docker(build)
+    return _local() if name == "local" else _docker(console, build)
 
 
 def _local() -> tuple[Engine, str]:
     return LocalEngine(), host_software()
 
 
-def _docker(build: Callable[[], None] | None) -> tuple[Engine, str]:
+def _docker(console: Console, build: Callable[[], None] | None) -> tuple[Engine, str]:
     client = connect()
+    with daemon_failures("describe itself"):
+        for line in shortcomings(client.info()):
+            console.print(f"note: {line}", highlight=False, soft_wrap=True)
     if build is not None and find_image(client) is None:
         build()
     return DockerEngine(client, for_questions=build is None), image_software()

@@ -14,7 +14,7 @@ from rich.table import Table
 
 from slambed.data import places
 from slambed.errors import ExitCode
-from slambed.files.outputs import figure_file, writing
+from slambed.files.outputs import SHEETS, figure_file, writing
 from slambed.terminal import JsonOption, console, lists_alone, print_json
 
 if TYPE_CHECKING:
@@ -144,8 +144,9 @@ def show(
     from slambed.data.catalog import prepare
     from slambed.data.contact_sheet import write_contact_sheet
 
+    asked = figure_file(output, SHEETS) if output else None
     sequence = prepare(dataset)
-    file = output or places.picture(f"{sequence.info.id}.png")
+    file = asked or places.picture(f"{sequence.info.id}.png")
     write_contact_sheet(sequence, file, frames)
     typer.echo(f"{file}: {describe(sequence)}")
 

@@ -10,7 +10,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
 
+from slambed.engines.docker_errors import daemon_failures
 from slambed.engines.docker_image import connect, find_image, image_tag
+from slambed.engines.docker_kinds import shortcomings
 from slambed.errors import SlambedError
 from slambed.isolation import left_out
 from slambed.native import find_program, repository_root
@@ -112,9 +114,17 @@ def _docker() -> Finding:
         client = connect()
     except SlambedError as error:
         return Finding("docker", "missing", str(error), "engine local is used; same measurements")
-    with_version = str(client.version().get("Version"))
-    client.close()
-    return Finding("docker", "good", f"Engine {with_version}")
+    try:
+        with daemon_failures("describe itself"):
+            info = client.info()
+    except SlambedError as error:
+        return Finding("docker", "missing", str(error), "engine local is used; same measurements")
+    finally:
+        client.close()
+    found = f"Engine {info.get('ServerVersion')}"
+    if lines := shortcomings(info):
+        return Finding("docker", "missing", found, "; ".join(lines))
+    return Finding("docker", "good", found)
 
 
 def _image() -> Finding:

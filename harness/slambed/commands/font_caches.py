@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Moves the font caches of matplotlib and fontconfig when the caller's home is not writable;
-otherwise both would warn in every command."""
+"""What matplotlib takes from the caller's environment: font caches, which are moved when the home
+is not writable (otherwise every command would warn), and the backend."""
 
 import atexit
 import logging
@@ -25,6 +25,13 @@ def settle_font_caches() -> None:
     atexit.register(shutil.rmtree, place, ignore_errors=True)
     os.environ["XDG_CACHE_HOME"] = place
     os.environ.setdefault("MPLCONFIGDIR", place)
+
+
+def forget_backend() -> None:
+    """Removes the drawing backend that the caller's environment names. A cell of a notebook
+    passes its own on to every command, and matplotlib without it refuses to be imported. Figures
+    are files, for which `report.style` chooses the backend."""
+    os.environ.pop("MPLBACKEND", None)
 
 
 def _can_be_made(folder: Path) -> bool:

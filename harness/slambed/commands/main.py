@@ -15,7 +15,7 @@ from typer.core import TyperGroup
 from slambed import __version__
 from slambed.caller import give_written_to_caller
 from slambed.commands import completion
-from slambed.commands.font_caches import settle_font_caches
+from slambed.commands.font_caches import forget_backend, settle_font_caches
 from slambed.commands.older_verbs import renewed
 from slambed.errors import ExitCode
 from slambed.failures import INTERRUPTED, line_and_code
@@ -119,6 +119,7 @@ def main() -> None:
         # A lost connection ends a command as Ctrl-C does; under nohup it does not.
         signal.signal(signal.SIGHUP, interrupt_once)
     settle_font_caches()
+    forget_backend()
     sys.exit(run_command(sys.argv[1:]))
 
 

@@ -11,6 +11,7 @@ import typer
 from rich.table import Table
 
 from slambed.data.places import picture
+from slambed.files.outputs import SHEETS, figure_file
 from slambed.segment import TRUTH
 from slambed.terminal import JsonOption, console, json_entry, lists_alone, print_json
 
@@ -71,8 +72,9 @@ def show(
     """Write a contact sheet of a sequence's masks."""
     from slambed.segment.sheet import write_mask_sheet
 
+    asked = figure_file(output, SHEETS) if output else None
     sequence, masks, _ = _masks(dataset, network, quality, n_m)
-    file = output or picture(f"{sequence.info.id}_{network}.png")
+    file = asked or picture(f"{sequence.info.id}_{network}.png")
     write_mask_sheet(sequence, masks, file, frames)
     typer.echo(str(file))
 

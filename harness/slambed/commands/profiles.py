@@ -99,6 +99,7 @@ def show(
         raise SlambedError(
             f"--until-s {until_s:g} is not between {LEAST_SHOWN_S:g} and {MOST_SHOWN_S:g}"
         )
+    asked = figure_file(output) if output else None
     profile = load_changed(name, values or [])
     if as_json:
         print_json(_facts(profile))
@@ -115,7 +116,7 @@ def show(
         typer.echo(line)
     for line in profile.remarks:
         typer.echo(f"note: {line}")
-    target = figure_file(output) if output else picture(f"profile_{profile.name}.png")
+    target = asked or picture(f"profile_{profile.name}.png")
     plot_profile(profile, target, end)
     typer.echo(f"plot: {target}")
 

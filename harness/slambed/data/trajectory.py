@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from slambed.data.pose_columns import PoseColumns, named_columns
 from slambed.data.text_file import pose_rows, read_lines
 from slambed.errors import SlambedError
 
@@ -20,6 +21,7 @@ Floats = NDArray[np.float64]
 
 COLUMNS = 8
 EXPECTED = "expected 'time tx ty tz qx qy qz qw'"
+USUAL = PoseColumns(tuple(range(COLUMNS)), None)
 LATEST = float(2**63)
 """Largest time, whose unit may be the nanosecond."""
 
@@ -79,8 +81,8 @@ EMPTY = Trajectory(np.zeros(0), np.zeros((0, 3)), np.zeros((0, 4)))
 
 
 def read_tum(path: Path) -> Trajectory:
-    """Reads `time tx ty tz qx qy qz qw` lines sorted by time; '#' starts a comment. Duplicates are
-    kept, and quaternions are not normalized.
+    """Reads `time tx ty tz qx qy qz qw` lines sorted by time; '#' starts a comment. A header may
+    name another order. Duplicates are kept, and quaternions are not normalized.
 
     Raises SlambedError if a line is not eight finite numbers or a quaternion is zero.
     """
@@ -122,10 +124,15 @@ def write_tum(path: Path, trajectory: Trajectory) -> None:
 def _read_rows(path: Path) -> Floats:
     """Returns the numbers of the file; errors name file and line."""
     lines = read_lines(path)
-    if (plain := _plain_rows(lines)) is not None:
+    named = named_columns(lines, str(path)) or USUAL
+    if named.order == USUAL.order and (plain := _plain_rows(lines)) is not None:
         return plain
     rows = []
-    for number, values in pose_rows(path, COLUMNS, EXPECTED.removeprefix("expected ")):
+    expected = EXPECTED.removeprefix("expected ")
+    # Columns behind those that a header names are covariances.
+    table = pose_rows(path, named.count, expected, longer=named is not USUAL)
+    for number, found in table:
+        values = [found[place] for place in named.order]
         if abs(values[0]) > LATEST:
             raise SlambedError(f"{path}:{number}: {values[0]:g} is not a time; {EXPECTED}")
         rows.append(values)

@@ -2,15 +2,18 @@
 """The process that becomes a node of the local engine: sets limits and namespace, then waits at a
 start barrier.
 
-Run as `python launcher.py PARENT_PID READY_FD[,NETWORK_FD] UID TASKS_FILE... -- PROGRAM ...`.
-NETWORK_FD is a namespace to enter; without it the node gets a new one. This module imports nothing
-of slambed, so that it starts fast. It writes one byte to READY_FD when everything is in place, and
-waits for one byte before it executes the program. It exits if its input ends.
+Run as `python launcher.py PARENT_PID READY_FD[,NETWORK_FD] UID[,FILE_BYTES] TASKS_FILE... --
+PROGRAM ...`. NETWORK_FD is a namespace to enter; without it the node gets a new one. FILE_BYTES is
+the largest size of a file, also of one that nobody counts: elsewhere, or deleted while open. This
+module imports nothing of slambed, so that it starts fast. It writes one byte to READY_FD when
+everything is in place, and waits for one byte before it executes the program. It exits if its input
+ends.
 """
 
 import ctypes
 import fcntl
 import os
+import resource
 import signal
 import socket
 import struct
@@ -43,7 +46,8 @@ def main() -> None:
     parent = int(sys.argv[1])
     split = sys.argv.index("--")
     ready_fd, *network_fd = map(int, sys.argv[2].split(","))
-    uid, tasks_files, program = int(sys.argv[3]), sys.argv[4:split], sys.argv[split + 1 :]
+    uid, *file_bytes = map(int, sys.argv[3].split(","))
+    tasks_files, program = sys.argv[4:split], sys.argv[split + 1 :]
     for path in tasks_files:
         with open(path, "w") as tasks:  # noqa: PTH123 - pathlib costs start-up time here
             tasks.write(str(os.getpid()))
@@ -53,6 +57,8 @@ def main() -> None:
     else:
         check(libc.unshare(CLONE_NEWNET), "unshare(CLONE_NEWNET)")
         bring_up_loopback()
+    if file_bytes:
+        resource.setrlimit(resource.RLIMIT_FSIZE, (file_bytes[0], file_bytes[0]))
     drop_capabilities()
     become(uid)
     # A node must not outlive the harness, however it dies. Set after the user change, which clears

@@ -3,7 +3,6 @@
 
 import contextlib
 import os
-import resource
 import select
 import signal
 import subprocess
@@ -204,11 +203,14 @@ class LocalEngine(ThisHostEngine):
         return SegmenterProcess(process, log_file)
 
     @staticmethod
-    def _launcher(ready_fd: int, network_fd: int, paths: CgroupPaths) -> list[str]:
+    def _launcher(
+        ready_fd: int, network_fd: int, paths: CgroupPaths, limit_bytes: int | None = None
+    ) -> list[str]:
+        limits = [NODE_UID] if limit_bytes is None else [NODE_UID, limit_bytes]
         return [
             *(sys.executable, "-I", "-S", launcher.__file__, str(os.getpid())),
             ",".join(str(fd) for fd in (ready_fd, network_fd) if fd >= 0),
-            str(NODE_UID),
+            ",".join(map(str, limits)),
             *map(str, entry_files(paths)),
             "--",
         ]
@@ -238,7 +240,8 @@ class LocalEngine(ThisHostEngine):
         role_dir = plan.run_dir / plan.role
         role_dir.mkdir(parents=True, exist_ok=True)
         os.chown(role_dir, NODE_UID, NODE_UID)
-        command = [*self._launcher(ready_write, network_fd, paths), *self._program_of(plan)]
+        start = self._launcher(ready_write, network_fd, paths, plan.limit_bytes)
+        command = [*start, *self._program_of(plan)]
         try:
             with (role_dir / "log.txt").open("wb" if dead is None else "ab") as log:
                 process = subprocess.Popen(
@@ -252,11 +255,6 @@ class LocalEngine(ThisHostEngine):
                     # Ctrl-C reaches only the harness, which ends the nodes in its own order.
                     start_new_session=True,
                 )
-            if plan.limit_bytes is not None:
-                # A file outside of the run folder, or one that was deleted while open, is not
-                # counted; no file grows beyond this.
-                limits = (plan.limit_bytes, plan.limit_bytes)
-                resource.prlimit(process.pid, resource.RLIMIT_FSIZE, limits)
             os.close(ready_write)
             ready_write = -1
             node = LocalNode(plan.role, process, paths)

@@ -10,6 +10,7 @@ from pathlib import Path
 from slambed.errors import SlambedError
 
 FIGURES = (".png", ".svg", ".pdf")
+SHEETS = (".png",)
 
 
 def resolved(path: Path) -> Path:
@@ -47,10 +48,10 @@ def make_folder(path: Path, option: str) -> None:
             raise PermissionError(errno.EACCES, os.strerror(errno.EACCES), str(path))
 
 
-def figure_file(path: Path) -> Path:
+def figure_file(path: Path, formats: tuple[str, ...] = FIGURES) -> Path:
     """Returns the file name of a figure; PNG is the default format."""
-    if path.suffix == "":
-        return path.with_name(f"{path.name}.png")
-    if path.suffix not in FIGURES:
-        raise SlambedError(f"unknown picture format {path}; known: {', '.join(FIGURES)}")
+    if path.suffix in ("", "."):
+        return path.with_name(f"{path.name.rstrip('.')}.png")
+    if path.suffix.lower() not in formats:
+        raise SlambedError(f"unknown picture format {path}; known: {', '.join(formats)}")
     return path

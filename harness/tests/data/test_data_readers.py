@@ -525,6 +525,22 @@ def test_an_mcap_that_a_crash_cut_off(tmp_path: Path) -> None:
         len(load_reader("bag")(file, options(extra=BAG_TOPICS)))
 
 
+def test_a_bag_of_ros2_may_be_called_dot_bag(tmp_path: Path) -> None:
+    """A folder is one of ROS 2, whatever its name."""
+    plain = write_bag(tmp_path / "plain", "ros2")
+    named = plain.rename(tmp_path / "walk.bag")
+    assert named.is_dir()
+    reader = load_reader("bag")(named, options(sensor="mono", extra={"first_topic": "/rgb"}))
+    assert len(reader) and [frame.timestamp_ns for frame in reader] == reader.times_ns()
+    (tmp_path / "empty.bag").mkdir()
+    with pytest.raises(SlambedError, match=r"empty\.bag: cannot be read as a bag"):
+        len(
+            load_reader("bag")(
+                tmp_path / "empty.bag", options(sensor="mono", extra={"first_topic": "/rgb"})
+            )
+        )
+
+
 def test_bag_errors(tmp_path: Path) -> None:
     bag = write_bag(tmp_path / "b.bag", "ros1")
     wrong = {"first_topic": "/rbg", "second_topic": "/depth"}

@@ -39,6 +39,7 @@ LONGEST_LINE = 1500
 _UNAVOIDED = re.compile(
     rb"libpng (error|warning): (bad adaptive filter value|Not enough image data|IDAT: .*)\n"
     rb"|(Corrupt JPEG data|Premature end of JPEG|Inconsistent progression|Invalid SOS).*\n"
+    rb"|Warning: unknown JFIF revision number .*\n"
 )
 """What libpng says beside our line of a PNG whose checksums are right and whose pixels are not, and
 libjpeg of a JPEG that it shows as far as it can: OpenCV does not report that."""

@@ -8,12 +8,14 @@ import sys
 from pathlib import Path
 
 import pytest
+from harness_parts import needs_root
 from virtual_parts import fingerprints, make_sequence, needs_programs, write_experiment
 
 from slambed.campaign.folder import ResultFolder
 from slambed.errors import ExitCode
 
 pytestmark = needs_programs
+NOBODYS_UID = 54321
 SLAMBED = [sys.executable, "-c", "from slambed.commands.main import main; main()"]
 PLACES: dict[str, dict[str, str]] = {
     "usual": {},
@@ -22,6 +24,8 @@ PLACES: dict[str, dict[str, str]] = {
     "optimized Python": {"PYTHONOPTIMIZE": "2"},
     "many threads": {"OMP_NUM_THREADS": "64"},
     "other libraries": {"LD_LIBRARY_PATH": "/nowhere"},
+    "output of ASCII": {"PYTHONIOENCODING": "ascii", "PYTHONUTF8": "0"},
+    "a cell of a notebook": {"MPLBACKEND": "module://matplotlib_inline.backend_inline"},
 }
 
 
@@ -73,3 +77,19 @@ def test_the_same_bytes_come_out(
     experiment: Path, tmp_path: Path, usual: dict[str, str], place: str
 ) -> None:
     assert poses(experiment, tmp_path / "its results", **PLACES[place]) == usual
+
+
+@pytest.mark.nightly
+@needs_root
+def test_one_cpu_and_the_results_of_a_user_who_does_not_exist(
+    experiment: Path, tmp_path: Path, usual: dict[str, str]
+) -> None:
+    results = tmp_path / "its results"
+    results.mkdir()
+    os.chown(results, NOBODYS_UID, NOBODYS_UID)
+    before = os.sched_getaffinity(0)
+    os.sched_setaffinity(0, {min(before)})
+    try:
+        assert poses(experiment, results) == usual
+    finally:
+        os.sched_setaffinity(0, before)

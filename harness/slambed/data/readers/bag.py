@@ -11,6 +11,7 @@ from typing import Any
 
 from rosbags.highlevel import AnyReader
 from rosbags.interfaces import Nodetype
+from rosbags.rosbag2 import Reader as RosBag2
 from rosbags.typesys import Stores, get_typestore
 
 from slambed.data.association import pairs_of_sensors
@@ -165,6 +166,9 @@ class Reader(SequenceReader):
         with ExitStack() as stack:
             with self._library():
                 bag = AnyReader(self._parts, default_typestore=_standard())
+                if self.path.is_dir() and not bag.is2:
+                    # The library takes every path that ends with .bag for a file of ROS 1.
+                    bag.is2, bag.readers = True, [RosBag2(part) for part in self._parts]
                 bag.open()
                 stack.callback(_close, bag)
                 names = [name for c in bag.connections for name in (c.topic, c.msgtype)]

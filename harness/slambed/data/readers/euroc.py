@@ -17,14 +17,16 @@ from slambed.data.camera_files import CalibratedCamera, read_asl
 from slambed.data.images import read_gray
 from slambed.data.lens import rectified
 from slambed.data.model import Camera, Frame, GrayImage
+from slambed.data.pose_columns import PoseColumns, named_columns
 from slambed.data.readers.base import FolderReader, ReaderOptions, require, require_poses
 from slambed.data.rotations import check_quaternions
-from slambed.data.text_file import pose_rows, table_lines
+from slambed.data.text_file import pose_rows, read_lines, table_lines
 from slambed.data.trajectory import Trajectory
 from slambed.errors import SlambedError
 from slambed.files.outputs import is_file
 
 _POSE = "time, x, y, z, qw, qx, qy, qz"
+_COLUMNS = PoseColumns((0, 1, 2, 3, 5, 6, 7, 4), "ns")
 #: Poses of the body, which is the IMU; TUM-VI's motion capture also refers to the IMU.
 _POSES = ("state_groundtruth_estimate0/data.csv", "mocap0/data.csv")
 
@@ -112,10 +114,11 @@ class Reader(FolderReader):
             return None
         if not self.options.groundtruth and file.parent.name == "mocap0":
             self.notes.append(f"{file}: taken as ground truth of the body (IMU)")
-        table = pose_rows(file, 8, _POSE, longer=True)
-        rows = np.array([values for _, values in table]).reshape(-1, 8)
+        named = named_columns(read_lines(file), str(file)) or _COLUMNS
+        table = pose_rows(file, named.count, _POSE, longer=True)
+        rows = np.array([[v[place] for place in named.order] for _, v in table]).reshape(-1, 8)
         check_quaternions(rows[:, 4:8], [f"{file}:{line}" for line, _ in table])
-        w, x, y, z = rows[:, 4:8].T
+        x, y, z, w = rows[:, 4:8].T
         rotations = np.moveaxis(
             np.array(
                 [
@@ -134,7 +137,8 @@ class Reader(FolderReader):
         raw_rectified[:3, :3] = self._rotations[0].T
         pose = self._sensors[0].pose
         assert pose is not None
-        found = Trajectory.of_matrices(rows[:, 0] * 1e-9, world_body @ (pose @ raw_rectified))
+        stamps_s = rows[:, 0] * (1.0 if named.unit == "s" else 1e-9)
+        found = Trajectory.of_matrices(stamps_s, world_body @ (pose @ raw_rectified))
         return found.take(np.argsort(found.stamps_s, kind="stable"))
 
     def _straighten(self) -> None:

@@ -1,0 +1,67 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The header of a table of poses: which column is which. Tables of OpenVINS, EuRoC and others
+differ in the place of qw and in the unit of time; reading one as the other turns every pose."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from slambed.errors import SlambedError
+
+TIMES = {"time", "timestamp", "timestamps", "t", "stamp"}
+_UNIT = re.compile(r"\s*[\[(]\s*([^\])]*?)\s*[\])]")
+_POSITION = re.compile(r"(?:t|p|pos|position|p_rs_r)?_?([xyz])")
+_ROTATION = re.compile(r"(?:q|quat|quaternion|orientation|q_rs)_?([xyzw])")
+_WANTED = ("time", "x", "y", "z", "qx", "qy", "qz", "qw")
+
+
+@dataclass(frozen=True)
+class PoseColumns:
+    """Where a header says that each value of a pose is."""
+
+    order: tuple[int, ...]
+    """Columns of time, x, y, z, qx, qy, qz, qw."""
+    unit: str | None
+    """Unit of time that it names: `s`, `ns` ..."""
+
+    @property
+    def count(self) -> int:
+        """Number of columns that a row must have at least."""
+        return max(self.order) + 1
+
+
+def named_columns(lines: Sequence[str], where: str) -> PoseColumns | None:
+    """Returns the columns that a header above the first row names; None without a header that
+    names all eight.
+
+    Raises SlambedError for a file of OpenVINS's states, whose rotation comes first.
+    """
+    for line in lines:
+        words = _UNIT.sub("", line.lstrip(" \t#")).replace(",", " ").replace(";", " ").split()
+        if words and not line.lstrip().startswith("#") and not words[0][0].isalpha():
+            return None
+        names = [_name(word) for word in words]
+        if names[:1] == ["time"] and words[1:3] == ["q", "p"]:
+            raise SlambedError(
+                f"{where}: states of OpenVINS, rotation first; take its poses "
+                "('timestamp(s) tx ty tz qx qy qz qw')"
+            )
+        if all(names.count(name) == 1 for name in _WANTED):
+            unit = _UNIT.search(line)
+            first = names[0] == "time" and unit is not None
+            return PoseColumns(
+                tuple(names.index(name) for name in _WANTED),
+                unit.group(1) if unit is not None and first else None,
+            )
+    return None
+
+
+def _name(word: str) -> str:
+    lower = word.lower()
+    if lower in TIMES:
+        return "time"
+    if (found := _ROTATION.fullmatch(lower)) is not None:
+        return f"q{found.group(1)}"
+    return found.group(1) if (found := _POSITION.fullmatch(lower)) is not None else lower

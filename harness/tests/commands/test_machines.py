@@ -1,0 +1,116 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Machines as people really have them: what their environment and their Docker do to commands."""
+
+import io
+from pathlib import Path
+from typing import Any
+
+import pytest
+from command_line import refused, slambed_process
+from rich.console import Console
+
+from slambed.campaign import choose
+from slambed.commands import doctor
+from slambed.engines.docker_kinds import shortcomings
+from slambed.errors import ExitCode, SlambedError
+from slambed.files.outputs import SHEETS, figure_file
+
+NOTEBOOK = "module://matplotlib_inline.backend_inline"
+
+
+@pytest.mark.parametrize(
+    "environment",
+    [{"MPLBACKEND": NOTEBOOK}, {"PYTHONIOENCODING": "ascii"}, {"LC_ALL": "C", "PYTHONUTF8": "0"}],
+    ids=["notebook", "ascii", "locale C"],
+)
+def test_a_picture_is_drawn_in_any_environment(tmp_path: Path, environment: dict[str, str]) -> None:
+    place = tmp_path / "größer"
+    place.mkdir()
+    command = ("profiles", "show", "ramp", "--output", str(place / "ramp"))
+    code, out, err = slambed_process(*command, **environment)
+    assert (code, err) == (ExitCode.OK, ""), err
+    assert "plot: " in out
+    assert (place / "ramp.png").read_bytes().startswith(b"\x89PNG")
+
+
+@pytest.mark.parametrize(
+    ("given", "taken"),
+    [("x", "x.png"), ("x.", "x.png"), ("x.png", "x.png"), ("x.PNG", "x.PNG"), ("x.svg", "x.svg")],
+)
+def test_an_output_name_has_an_ending(given: str, taken: str) -> None:
+    assert figure_file(Path(given)) == Path(taken)
+
+
+@pytest.mark.parametrize("given", ["x.jpg", "x.tar.gz", "x.png.txt", "x. png"])
+def test_another_ending_is_refused(given: str) -> None:
+    with pytest.raises(SlambedError, match=r"unknown picture format x.*; known: \.png"):
+        figure_file(Path(given))
+
+
+def test_a_sheet_is_a_png_and_says_so_before_anything_is_prepared(tmp_path: Path) -> None:
+    assert figure_file(Path("x"), SHEETS) == Path("x.png")
+    command = ("data", "show", "synthetic_room", "--output", str(tmp_path / "x.jpg"))
+    line = refused(ExitCode.BAD_INPUT, *command, SLAMBED_CACHE=str(tmp_path / "cache"))
+    assert line.endswith("x.jpg; known: .png")
+    assert not (tmp_path / "cache").exists()
+
+
+USUAL = {
+    "CpuCfsQuota": True,
+    "CPUSet": True,
+    "MemoryLimit": True,
+    "SecurityOptions": ["name=seccomp,profile=default"],
+    "DockerRootDir": "/var/lib/docker",
+    "ServerVersion": "27.1.1",
+}
+ROOTLESS = {"SecurityOptions": ["name=seccomp,profile=builtin", "name=rootless", "name=cgroupns"]}
+WITHOUT_CPU = {"CpuCfsQuota": False, "CPUSet": False}
+DAEMONS: dict[str, tuple[dict[str, Any], str]] = {
+    "rootless without delegated cpu": (
+        ROOTLESS | WITHOUT_CPU,
+        "rootless Docker ignores CPU quotas, CPU sets, so runs of limited devices are invalid; "
+        "delegate cpu",
+    ),
+    "rootless": (ROOTLESS, "rootless Docker was never tried"),
+    "nested": (WITHOUT_CPU | {"MemoryLimit": False}, "CPU quotas, CPU sets, memory limits"),
+    "snap": ({"DockerRootDir": "/var/snap/docker/common/var-lib-docker"}, "set SLAMBED_CACHE"),
+}
+
+
+class Daemon:
+    def __init__(self, info: dict[str, Any]) -> None:
+        self._info = info
+
+    def info(self) -> dict[str, Any]:
+        return self._info
+
+    def close(self) -> None: ...
+
+
+def test_a_usual_daemon_lacks_nothing() -> None:
+    assert shortcomings(USUAL) == [] and shortcomings({}) == []
+
+
+@pytest.mark.parametrize("kind", DAEMONS)
+def test_what_a_daemon_does_not_do_is_a_line_of_the_doctor_and_of_the_run(
+    kind: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    changed, line = DAEMONS[kind]
+    daemon = Daemon(USUAL | changed)
+    monkeypatch.setattr(doctor, "connect", lambda: daemon)
+    found = doctor._docker()
+    assert found.level == "missing" and line in found.cost and "27.1.1" in found.found
+    monkeypatch.setattr(choose, "connect", lambda: daemon)
+    monkeypatch.setattr(choose, "find_image", lambda _: object())
+    monkeypatch.setattr(choose, "DockerEngine", lambda *_, **__: object())
+    monkeypatch.setattr(choose, "image_software", lambda: "s")
+    out = io.StringIO()
+    choose._docker(Console(file=out, width=60), lambda: None)
+    printed = out.getvalue().splitlines()
+    assert len(printed) == 1 and printed[0].startswith("note: ") and line in printed[0]
+
+
+def test_one_cpu_is_a_line_of_the_doctor(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(doctor.os, "sched_getaffinity", lambda _: {0})
+    found = doctor._cores()
+    assert found.level == "missing" and "share one core" in found.cost
