@@ -121,6 +121,17 @@ def test_each_run_of_a_stand_in_counts(paper: Paper) -> None:
     assert len(column(paper, real).rows["edgesem.C32"].measured.values) == 1
 
 
+def test_the_error_while_answers_are_late_is_that_of_the_pose_in_force(paper: Paper) -> None:
+    """C07: more than 1 m when Mask-SLAM answers 20 frames late."""
+    found = runs("maskslam_offloaded", "infocom_delay_20_frames", "error_in_force_m_mean", 1.3,
+                 dataset="synthetic_mono_room")  # fmt: skip
+    found += runs("maskslam_offloaded", LINKS[0], "error_in_force_m_mean", 0.1,
+                  dataset="synthetic_mono_room")  # fmt: skip
+    row = column(paper, found).rows["edgesem.C07"]
+    assert row.ours.startswith("1.3 ")
+    assert row.mark == "S"
+
+
 def test_stand_ins_are_what_the_experiments_play(paper: Paper) -> None:
     checkout = Checkout(Library())
     played: set[str] = set()
