@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Finds our runs for a published number, or the reason why there are none."""
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field
 from fnmatch import fnmatchcase
 from typing import Any, Literal
@@ -21,6 +21,8 @@ MISSING_WORDS: dict[Missing, str] = {
     "no_system": "no system", "no_data": "no data", "no_metric": "no metric",
     "too_few_runs": "too few runs", "no_events": "run, events not kept",
 }  # fmt: skip
+POOL = "pool"
+"""Key of a condition's value whose number is a mean over several values of a column."""
 LEFT_OPEN = ("dataset", "variant", "profile", "device_mobile", "device_edge")
 """Columns in which the runs of one number must not differ, like every `params.*`."""
 
@@ -126,7 +128,8 @@ def find_runs(
                 break
             chosen = narrowed
         else:
-            if open_columns := left_open(chosen, where.each_sequence_once):
+            over = pooled_columns(paper, conditions)
+            if open_columns := left_open(chosen, where.each_sequence_once, over):
                 message = f"runs differ in {open_columns}, which the paper's numbers leave open"
                 return Found(None, "no_metric", message)
             return Found(chosen, dataset=dataset, stand_in=stand_in)
@@ -167,11 +170,23 @@ def _sequences(where: PaperDataset, runs: pd.DataFrame) -> list[tuple[str, pd.Da
     return found
 
 
-def left_open(runs: pd.DataFrame, several_sequences: bool = False) -> str:
-    """Names the columns that differ between runs that one number would pool; empty if none does."""
+def pooled_columns(paper: Paper, conditions: Mapping[str, Any]) -> set[str]:
+    """Returns the columns over which a number is a mean, because one of its conditions says so."""
+    rules = (paper.conditions.get(name) for name in conditions)
+    values = zip(rules, conditions.values(), strict=True)
+    found = (rule.get(value) for rule, value in values if isinstance(rule, dict))
+    return {column for match in found if isinstance(match, dict) for column in match.get(POOL, {})}
+
+
+def left_open(
+    runs: pd.DataFrame, several_sequences: bool = False, pooled: Collection[str] = ()
+) -> str:
+    """Names the columns that differ between runs that one number would pool, except those over
+    which it is a mean; empty if none does."""
     if not len(runs):
         return ""
     columns = [c for c in runs if c in LEFT_OPEN or str(c).startswith("params.")]
+    columns = [c for c in columns if c not in pooled]
     columns = [c for c in columns if c != "dataset" or not several_sequences]
     if "link_backend" in runs and runs["link_backend"].isna().all():
         columns = [c for c in columns if c not in ("profile", "device_edge")]
@@ -217,8 +232,24 @@ def _condition(
     match = rule.get(value, rule.get("*"))
     if match is None:
         return f"{name} = {value} cannot be expressed in our runs"
+    if POOL in match:
+        return _pooled(runs, match[POOL], name, value)
     # Without an edge there is no link, so the profile does not matter to such a system.
     if runs["link_backend"].isna().all() and set(match) == {"profile"}:
         return runs
     chosen = matching(runs, match)
     return chosen if len(chosen) else f"no run with {name} = {value}"
+
+
+def _pooled(runs: pd.DataFrame, match: Match, name: str, value: Any) -> pd.DataFrame | str:
+    """Returns the runs at all these values, if there are equally many of each: only then is a mean
+    over runs one over the values."""
+    chosen = matching(runs, match)
+    for column, patterns in match.items():
+        counts = {p: len(matching(chosen, {column: p})) for p in patterns}
+        if min(counts.values()) == 0:
+            return f"no run with {column} {min(counts, key=lambda p: counts[p])} ({name} = {value})"
+        if len(set(counts.values())) > 1:
+            told = ", ".join(f"{count} of {pattern}" for pattern, count in counts.items())
+            return f"{name} = {value} needs equally many runs, there are {told}"
+    return chosen

@@ -104,7 +104,8 @@ def values_of(
         return Measured(Found(None, "no_metric", message), NOTHING)
     runs, values = runs[known], values[known]
     scale = 1.0 if metric.statistic == "share" else metric.scale
-    if paper.datasets[conditions["dataset"]].each_sequence_once:
+    # Of stand-ins only one is used, so each of its runs counts.
+    if paper.datasets[conditions["dataset"]].each_sequence_once and not found.stand_in:
         one_each = np.asarray(values.groupby(runs["dataset"]).mean(), dtype=np.float64)
         return Measured(found, one_each * scale, (), _keys(runs))
     return Measured(

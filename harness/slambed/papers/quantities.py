@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Judges statements about several cells: reductions, increases, ratios, differences, maxima, one
-number for each, time windows."""
+"""Judges statements about several cells: reductions, increases, gaps, ratios, differences, maxima,
+one number for each, time windows."""
 
 from dataclasses import replace
 from typing import Literal
@@ -16,6 +16,7 @@ from slambed.papers.published import (
     At,
     Difference,
     Each,
+    Gap,
     Increase,
     MaxOver,
     Operand,
@@ -32,8 +33,11 @@ from slambed.papers.verdicts.statements import (
     ABOUT_MARGIN,
     REDUCTION_MARGIN,
     Pair,
+    judge_about,
     judge_bound,
     judge_difference,
+    judge_difference_bound,
+    judge_gap,
     judge_reduction,
     judge_up_to,
     judge_up_to_more,
@@ -62,7 +66,7 @@ def judge_quantity(
         return _up_to(paper, about, cells, cell, quantity)
     if isinstance(quantity, Each):
         return _each(paper, about, cells, cell, quantity)
-    if isinstance(quantity, Reduction | Increase | Ratio | Difference):
+    if isinstance(quantity, Reduction | Increase | Gap | Ratio | Difference):
         return _two(paper, about, cells, cell, quantity)
     why = "an ordering: judged among the contrasts"
     nothing = _measured(paper, about, cells, quantity.operands()[0])
@@ -109,7 +113,9 @@ def _two(
     margin = written.ratio if written is not None and written.ratio else REDUCTION_MARGIN
     if isinstance(quantity, Difference):
         scale = 100.0 if of.is_share else 1.0
-        return judge_difference(pair, cell.value, digit, scale), _of_two(quantity, of, base)
+        return _difference(pair, cell, scale), _of_two(quantity, of, base)
+    if isinstance(quantity, Gap):
+        return judge_gap(pair, cell.value / 100), _of_two(quantity, of, base)
     if isinstance(quantity, Increase):
         verdict = _increase(pair, cell.value, digit, str(claim.op))
         return verdict, _of_two(quantity, of, base)
@@ -125,6 +131,13 @@ def _two(
         about = paper.margins.get("about")
         margin = max(margin, about.ratio if about is not None and about.ratio else 0.0)
     return judge_reduction(pair, stated, small, margin), _of_two(quantity, of, base)
+
+
+def _difference(pair: Pair, cell: PublishedCell, scale: float) -> Verdict:
+    assert cell.claim is not None and cell.value is not None
+    if (bound := BOUND_OPS.get(str(cell.claim.op))) is not None:
+        return judge_difference_bound(pair, bound, cell.value, scale)
+    return judge_difference(pair, cell.value, cell.resolution or 0.0, scale)
 
 
 def _bounded(pair: Pair, stated: float, op: str, reduction: bool) -> Verdict:
@@ -185,40 +198,74 @@ def _of_two(quantity: Ratio, of: Measured, base: Measured) -> Measured:
         ratio = 100 * (1 - ratio)
     elif isinstance(quantity, Increase):
         ratio = 100 * (ratio - 1)
+    elif isinstance(quantity, Gap):
+        ratio = 100 * abs(ratio - 1)
     return replace(of, values=ratio)
 
 
 def _each(
     paper: Paper, pool: Pool, cells: dict[str, PublishedCell], cell: PublishedCell, quantity: Each
 ) -> tuple[Verdict, Measured]:
-    """Judges one number for several cells: reproduced if each is, differs if one does. The decisive
-    one is reported."""
-    found = [(operand, _measured(paper, pool, cells, operand)) for operand in quantity.of]
-    for _, side in found:
-        if not side.there:
-            return not_run(side.found.reason), side
+    """Judges one number for several cells or differences: reproduced if each is, differs if one
+    does. The decisive one is reported."""
+    found: list[tuple[str, Measured, Pair | None]] = []
+    for part in quantity.of:
+        if isinstance(part, Difference):
+            of, base = (_measured(paper, pool, cells, o) for o in (part.of, part.base))
+            for side in (of, base):
+                if not side.there:
+                    return not_run(side.found.reason), side
+            if of.found.dataset != base.found.dataset:
+                return Verdict("inconclusive", "its two sides are on different sequences"), of
+            found.append((_name_of(part.of), _of_two(part, of, base), _pair(of, base)))
+            continue
+        one = _measured(paper, pool, cells, part)
+        if not one.there:
+            return not_run(one.found.reason), one
+        found.append((_name_of(part), one, None))
+    sides = [side for _, side, _ in found]
     all_of_them = replace(
-        found[0][1],
-        found=next((side.found for _, side in found if side.found.stand_in), found[0][1].found),
-        values=np.concatenate([side.values for _, side in found]),
+        sides[0],
+        found=next((side.found for side in sides if side.found.stand_in), sides[0].found),
+        values=np.concatenate([side.values for side in sides]),
         repetitions=(),
-        keys=tuple(key for _, side in found for key in side.keys),
+        keys=tuple(key for side in sides for key in side.keys),
     )
-    margin = margin_of_cell(paper, cells, cell, [])
     worst: Verdict | None = None
-    for operand, side in found:
-        name = operand if isinstance(operand, str) else operand.system
-        stated = published_of(cell, side.is_share)
-        if stated is None:
-            return Verdict("inconclusive", "the paper prints no number of runs for this"), side
-        if isinstance(stated, Share):
-            verdict = judge_share(side.share, stated, margin.value)
+    for name, side, pair in found:
+        if pair is not None:
+            verdict = _difference(pair, cell, 100.0 if side.is_share else 1.0)
         else:
-            verdict = judge_mean(side.mean, stated, margin.value, margin.kind)
+            verdict = _same_number(paper, cells, cell, side)
         if worst is None or WORST.index(verdict.outcome) < WORST.index(worst.outcome):
             worst = replace(verdict, why=f"{name}: {verdict.why}")
     assert worst is not None
     return worst, all_of_them
+
+
+def _name_of(operand: Operand) -> str:
+    """Returns the id of a cell, or a system with what tells its runs from those of others."""
+    if isinstance(operand, str):
+        return operand
+    told = [str(value) for name, value in operand.conditions.items() if name != "dataset"]
+    return ", ".join([operand.system, *told])
+
+
+def _same_number(
+    paper: Paper, cells: dict[str, PublishedCell], cell: PublishedCell, side: Measured
+) -> Verdict:
+    stated = published_of(cell, side.is_share)
+    if stated is None:
+        return Verdict("inconclusive", "the paper prints no number of runs for this")
+    assert cell.claim is not None
+    if (bound := BOUND_OPS.get(str(cell.claim.op))) is not None:
+        return judge_bound(side.share if side.is_share else side.mean, bound, stated.value)
+    margin = margin_of_cell(paper, cells, cell, [])
+    if isinstance(stated, Share):
+        return judge_share(side.share, stated, margin.value)
+    if cell.claim.op == "about":
+        return judge_about(side.mean, stated)
+    return judge_mean(side.mean, stated, margin.value, margin.kind)
 
 
 def _up_to(

@@ -6,6 +6,7 @@ from typing import Any
 
 from slambed.papers.lint.checkout import SPECIAL_KEYS, Checkout, fits_any
 from slambed.papers.lint.problem import Problem
+from slambed.papers.lookup import POOL
 from slambed.papers.published.base import Match
 from slambed.papers.published.mapping import PaperMetric, PaperSystem
 from slambed.papers.published.paper import Paper
@@ -72,7 +73,14 @@ def _condition(where: str, rule: Any, unbuilt: bool, checkout: Checkout) -> Iter
             yield Problem(where, f"no column {column}")
         return
     for value, match in rule.items():
-        yield from _match(f"{where} = {value}", match, checkout)
+        place = f"{where} = {value}"
+        if POOL in match and set(match) != {POOL}:
+            yield Problem(place, "pool stands alone")
+            continue
+        over = match.get(POOL, match)
+        if POOL in match and not all(isinstance(p, list) and len(p) > 1 for p in over.values()):
+            yield Problem(place, "pool needs two or more values of a column")
+        yield from _match(place, over, checkout)
 
 
 def _metric(where: str, metric: PaperMetric, paper: Paper, checkout: Checkout) -> Iterator[Problem]:

@@ -12,6 +12,7 @@ from typing import Any
 
 from slambed.papers.lint.checkout import Checkout
 from slambed.papers.lint.problem import Problem
+from slambed.papers.lookup import POOL, pooled_columns
 from slambed.papers.published.base import Match
 from slambed.papers.published.cells import PublishedCell, cells_of
 from slambed.papers.published.paper import Paper
@@ -57,8 +58,8 @@ def _of_cell(paper: Paper, cell: PublishedCell, planned: list[PlannedCell]) -> I
     if not found:
         yield Problem(cell.id, "an experiment reproduces it and makes no such runs")
         return
-    columns = sorted({name for item in found for name in item.columns})
-    for name in columns:
+    pooled = pooled_columns(paper, cell.conditions)
+    for name in sorted({name for item in found for name in item.columns} - pooled):
         # The link profile does not matter to a system without an edge.
         if name == "profile" and not any(item.has_edge for item in found):
             continue
@@ -124,6 +125,7 @@ def _meets(paper: Paper, system: str, name: str, value: Any, planned: PlannedCel
         own = planned.columns.get(str(rule["column"]))
         return isinstance(own, int | float) and own == value
     match = rule.get(value, rule.get("*"))
+    match = match.get(POOL, match)
     if set(match) == {"profile"} and not planned.has_edge:
         return True
     return _fits(planned, match)

@@ -31,7 +31,8 @@ class PaperDataset(Strict):
     played_s: float | None = Field(default=None, gt=0)
     """Seconds of it that the paper plays: a share of runs with a loss needs equal exposure."""
     each_sequence_once: bool = False
-    """True for several sequences: each contributes its own mean, whatever its number of runs."""
+    """True for several sequences: each contributes its own mean, whatever its number of runs. Does
+    not apply to a stand-in."""
     note: str = ""
     """What a reader must know."""
 

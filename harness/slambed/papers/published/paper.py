@@ -46,7 +46,9 @@ class Paper(Strict):
     datasets: dict[str, PaperDataset] = Field(default_factory=dict)
     """Name in this file -> a sequence of the paper."""
     conditions: dict[str, Any] = Field(default_factory=dict)
-    """Condition -> how its values are found in our runs."""
+    """Condition -> how its values are found in our runs: `ignore`, a column with the value, or for
+    each value what a run must match. `{pool: {column: [a, b]}}` instead stands for a mean over
+    equally many runs of each."""
     metrics: dict[str, PaperMetric] = Field(default_factory=dict)
     """Name in this file -> a metric of the paper."""
     margins: dict[str, Margin] = Field(default_factory=dict)

@@ -63,6 +63,13 @@ class Increase(Ratio):
     """Names the quantity."""
 
 
+class Gap(Ratio):
+    """How far of is from base, either way: |1 - of / base|, in percent."""
+
+    kind: Literal["gap"]  # type: ignore[assignment]
+    """Names the quantity."""
+
+
 class MaxOver(Strict):
     """The largest of several, as in `up to`, for example over the paper's sequences. Either all are
     reductions (in percent), or all are differences (in the cells' unit)."""
@@ -81,16 +88,24 @@ class MaxOver(Strict):
 
 
 class Each(Strict):
-    """One number that is stated for each of several cells, in the metric's unit."""
+    """One number that is stated for each of several cells, or of several differences between
+    cells, in the metric's unit."""
 
     kind: Literal["each"]
     """Names the quantity."""
-    of: Annotated[list[Operand], Field(min_length=2)]
-    """The cells."""
+    of: (
+        Annotated[list[Operand], Field(min_length=2)]
+        | Annotated[list[Difference], Field(min_length=2)]
+    )
+    """The cells, or the differences."""
 
     def operands(self) -> list[Operand]:
-        """Returns the cells that it is stated for."""
-        return list(self.of)
+        """Returns the cells that it is stated for, or that the differences are between."""
+        return [
+            operand
+            for part in self.of
+            for operand in (part.operands() if isinstance(part, Difference) else [part])
+        ]
 
 
 class WindowShare(Strict):
@@ -135,9 +150,9 @@ class Trend(Strict):
 
 
 def computed(quantity: "Quantity", value_of: Callable[[Operand], float | None]) -> float | None:
-    """Computes the number in percent (reduction, increase), as a ratio, or in the metric's unit
-    (difference). None if an operand has no value, and for quantities that are not a function of
-    values (each, windows, trends)."""
+    """Computes the number in percent (reduction, increase, gap), as a ratio, or in the metric's
+    unit (difference). None if an operand has no value, and for quantities that are not a function
+    of values (each, windows, trends)."""
     if isinstance(quantity, MaxOver):
         parts = [computed(part, value_of) for part in quantity.over]
         known = [part for part in parts if part is not None]
@@ -151,10 +166,12 @@ def computed(quantity: "Quantity", value_of: Callable[[Operand], float | None]) 
         return of - base
     if isinstance(quantity, Increase):
         return 100 * (of / base - 1)
+    if isinstance(quantity, Gap):
+        return 100 * abs(1 - of / base)
     return 100 * (1 - of / base) if isinstance(quantity, Reduction) else of / base
 
 
 Quantity = Annotated[
-    Reduction | Increase | Ratio | Difference | MaxOver | Each | WindowShare | Trend,
+    Reduction | Increase | Gap | Ratio | Difference | MaxOver | Each | WindowShare | Trend,
     Field(discriminator="kind"),
 ]

@@ -129,6 +129,64 @@ def judge_difference(
     return replace(verdict, why=f"ours {found.value:+.3g}, stated {stated:+.3g}; {verdict.why}")
 
 
+def judge_difference_bound(
+    ours: Pair, op: Literal["lt", "le", "gt", "ge"], stated: float, scale: float = 1.0
+) -> Verdict:
+    """Judges `more than` and `less than x more` by the side on which the one-sided 95 % limits of
+    our difference are."""
+    if ours.fewest == 0:
+        return not_run("no run")
+    if ours.fewest < FEWEST_RUNS:
+        return too_few(ours.fewest, "difference", None)
+    below = op in ("lt", "le")
+    found = difference(ours, scale)
+    low, high = found.interval(0.9)
+    message = f"ours {found.value:+.3g} [{low:+.3g}, {high:+.3g}]"
+    verdict = Verdict(
+        "inconclusive",
+        f"{message}, stated {'<' if below else '>'} {stated:+.3g}",
+        "one-sided 95 % limits of the difference, Welch's t",
+        "difference",
+        found.value - stated,
+        low - stated,
+        high - stated,
+    )
+    if (high <= stated) if below else (low >= stated):
+        return replace(verdict, outcome="reproduced")
+    if (low > stated) if below else (high < stated):
+        return replace(verdict, outcome="differs")
+    return verdict
+
+
+def judge_gap(ours: Pair, stated: float) -> Verdict:
+    """Judges `within x %` (`stated` is a fraction) by the 90 % interval of after / before: inside
+    1 -/+ x, or on one side of it."""
+    if ours.fewest == 0:
+        return not_run("no run")
+    if ours.fewest < FEWEST_RUNS:
+        return too_few(ours.fewest, "ratio", None)
+    if not (ours.before.value > 0 and ours.after.value > 0):
+        return Verdict("inconclusive", "a ratio of or to nothing", scale="ratio")
+    left = ours.left()
+    low, high = left.interval(0.9)
+    floor, ceiling = float(np.log1p(-stated)), float(np.log1p(stated))
+    found = Verdict(
+        "inconclusive",
+        f"ours {np.expm1(left.value):+.1%} [{np.expm1(low):+.1%}, {np.expm1(high):+.1%}], "
+        f"stated within {stated:.1%}",
+        "90 % interval of of / base",
+        "ratio",
+        left.value,
+        low,
+        high,
+    )
+    if floor <= low and high <= ceiling:
+        return replace(found, outcome="reproduced")
+    if high < floor or low > ceiling:
+        return replace(found, outcome="differs")
+    return found
+
+
 def judge_up_to(
     ours: Mapping[str, Pair],
     stated: float,
