@@ -21,10 +21,12 @@ PAGE = "systems.html"
 RARELY = 0.1
 """Up to this share of runs with a track loss a cell counts as one that keeps track."""
 COLUMN = 30
-PLOT = 52
-BARS = 16
+PLOT = 40
+BARS = 12
 """Width of a link, height of the errors and of the shares lost, in pixels."""
-LARGEST_M = 10.0
+REM = 2.3
+"""Width of a link on the page."""
+LARGEST_M = 1.0
 SMALLEST_M = 0.001
 """Ends of the axis of errors in m; others are drawn at the edge."""
 
@@ -109,7 +111,7 @@ def cell_svg(cells: list[Cell], links: list[str], boards: list[str]) -> Markup:
     parts += [
         f'<line class="grid" x1="0" x2="{width}" y1="{_height(error):.1f}" '
         f'y2="{_height(error):.1f}"/>'
-        for error in (0.01, 0.1, 1.0)
+        for error in (0.01, 0.1)
     ]
     for cell in cells:
         board = boards.index(cell.board)
@@ -123,8 +125,21 @@ def cell_svg(cells: list[Cell], links: list[str], boards: list[str]) -> Markup:
         bar = f'<rect class="lost" {at} width="8" height="{BARS * share:.1f}"/>'
         parts.append(f"<g><title>{escape(cell.words)}</title>{dot}{bar}</g>")
     return Markup(
-        f'<svg class="cell" viewBox="0 0 {width} {height}" role="img" '
+        f'<svg class="cell" style="width: {REM * len(links):g}rem" '
+        f'viewBox="0 0 {width} {height}" role="img" '
         f'aria-label="{escape("; ".join(cell.words for cell in cells))}">{"".join(parts)}</svg>'
+    )
+
+
+def head_svg(links: list[str]) -> Markup:
+    """Returns the numbers of the links, above their columns."""
+    texts = "".join(
+        f'<text x="{COLUMN * (number + 0.5):g}" y="11">{number + 1}</text>'
+        for number in range(len(links))
+    )
+    return Markup(
+        f'<svg class="cell" style="width: {REM * len(links):g}rem" '
+        f'viewBox="0 0 {COLUMN * len(links)} 14" aria-hidden="true">{texts}</svg>'
     )
 
 
@@ -185,7 +200,8 @@ def write_cross_page(results: Results, folder: Path) -> Path | None:
     path = folder / PAGE
     page = environment().get_template("cross.html.j2").render(
         style=Markup(STYLE), headline=takeaway(cells), rows=rows, scenes=scenes, links=links,
-        boards=boards, counts=sorted({min(counts), max(counts)}), experiment=results.name,
+        boards=boards, head=head_svg(links), counts=sorted({min(counts), max(counts)}),
+        experiment=results.name,
     )  # fmt: skip
     path.write_text(page, encoding="utf-8")
     write_tables([cross_table(cells)], folder / "tables")
