@@ -164,7 +164,9 @@ class TimeLanes:
             f'<rect{look} x="{self.x(begin_s)}" y="{y}" width="{width:.2f}%" height="{height}" '
             f'fill="{color}"/>'
         )
-        self._moving.append(_linked(box, says, link, begin_s))
+        # A shade lies behind everything, so that no mark on it loses its tooltip and link.
+        place = 0 if kind else len(self._moving)
+        self._moving.insert(place, _linked(box, says, link, begin_s))
 
 
 def _linked(shape: str, says: str, link: str, t_s: float, by_key: bool = False) -> str:
