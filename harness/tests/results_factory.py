@@ -357,4 +357,19 @@ def quickstart_like(root: Path, repetitions: int = 3, duration_s: float = 12.0) 
     return write_experiment(root, runs)
 
 
+def losing(root: Path) -> Path:
+    """One system alone, and one with an edge whose runs all lose track at 6 s on a ramp."""
+    runs = [
+        (spec_of("orbslam2", "default", "none", 0), RawRun(edge=False, peak_rtt_ms=0)),
+        *(
+            (
+                spec_of("edgeslam", "static", "ramp_85", repetition),
+                RawRun(lost_at_s=((6.0, 7.5),), seed=repetition + 2),
+            )
+            for repetition in range(2)
+        ),
+    ]
+    return write_experiment(root, runs)
+
+
 assert len(SUMMARY_KEYS) == len(set(SUMMARY_KEYS))

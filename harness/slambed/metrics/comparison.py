@@ -141,7 +141,8 @@ def power_hint(runs: int, share: float = 0.03) -> str:
     least = smallest_distinguishable_share(share, runs)
     if least is None:
         return (
-            f"{runs} runs per cell show no difference of {share:.0%} to any larger share of losses."
+            f"With {runs} runs per cell, {share:.0%} of losses cannot be told from any larger "
+            "share."
         )
     return (
         f"{runs} runs per cell distinguish {share:.0%} of losses from {least:.0%} or more "

@@ -56,6 +56,17 @@ def typical_run(rows: pd.DataFrame, key: str = "ate_rmse_m") -> str | None:
     return str(rows.iloc[int(ranked[(len(ranked) - 1) // 2])]["run_key"])
 
 
+def median_run(rows: pd.DataFrame) -> str | None:
+    """Returns the key of the middle run (the lower of two) by coverage, then by ATE: a run that
+    failed counts as worse than any that did not."""
+    if not len(rows):
+        return None
+    coverage = pd.to_numeric(rows["coverage"], errors="coerce").fillna(0.0)
+    ate_m = pd.to_numeric(rows["ate_rmse_m"], errors="coerce").fillna(np.inf)
+    ranked = np.lexsort((ate_m.to_numpy(np.float64), -coverage.to_numpy(np.float64)))
+    return str(rows.iloc[int(ranked[(len(ranked) - 1) // 2])]["run_key"])
+
+
 def some_runs(rows: pd.DataFrame) -> list[str]:
     """Returns the first runs of a cell, at most RUNS_AVERAGED."""
     return [str(key) for key in rows["run_key"].head(RUNS_AVERAGED)]

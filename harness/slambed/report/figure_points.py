@@ -82,11 +82,18 @@ def _curves(axis: Axes) -> list[dict[str, Any]]:
             colors = group.get_facecolor()
             color = _hex(colors[0]) if len(colors) else "#000000"
             points = np.ma.getdata(group.get_offsets()).astype(np.float64)
-            found.append(_curve(axis, points, str(group.get_label()), color))
+            found.append(_curve(axis, points, str(group.get_label()), color, group))
     return found
 
 
-def _curve(axis: Axes, points: Floats, label: str, color: str) -> dict[str, Any]:
+def _curve(
+    axis: Axes, points: Floats, label: str, color: str, group: PathCollection | None = None
+) -> dict[str, Any]:
+    """Returns a curve; where its points have values that color them, with these and their name,
+    which is the group's gid."""
+    values = None if group is None else group.get_array()
+    if values is not None:
+        points = np.column_stack([points, np.ma.getdata(values)])
     points = points[np.isfinite(points).all(axis=1)]
     (x0, x1), (y0, y1) = sorted(axis.get_xlim()), sorted(axis.get_ylim())
     inside = (
@@ -97,8 +104,11 @@ def _curve(axis: Axes, points: Floats, label: str, color: str) -> dict[str, Any]
         points = points[np.linspace(0, len(points) - 1, MOST_POINTS).astype(np.intp)]
     # Matplotlib's labels of unnamed artists begin with an underscore.
     name = "" if label.startswith("_") else label
-    x, y = ([_short(float(v)) for v in column] for column in points.T)
-    return {"name": name, "color": color, "x": x, "y": y}
+    x, y, *colored = ([_short(float(v)) for v in column] for column in points.T)
+    curve: dict[str, Any] = {"name": name, "color": color, "x": x, "y": y}
+    if group is not None and colored:
+        curve["value"] = {"label": str(group.get_gid() or "value"), "of": colored[0]}
+    return curve
 
 
 def _bars(axis: Axes) -> list[dict[str, Any]]:

@@ -13,11 +13,13 @@ from slambed.metrics.catalog import metric
 from slambed.metrics.comparison import power_hint
 from slambed.report.cells import Cell, number
 from slambed.report.load import Results
+from slambed.report.overview import CAPTION, overviews, to_timeline
 from slambed.report.page import in_page, page_script, render
 from slambed.report.setup import NO_LIMITS, is_virtual
 from slambed.report.style import POINTS, SavedFigure
 from slambed.report.tables import Table
 from slambed.report.timeline import timeline_svg
+from slambed.report.told import told
 from slambed.spec.run_spec import run_name
 
 MOST_RUNS = 300
@@ -51,31 +53,41 @@ class PageContent:
 
 def write_html(results: Results, content: PageContent, folder: Path) -> Path:
     """Writes `<folder>/index.html`."""
-    runs = [_run(results, row) for row in _chosen_runs(results.runs)]
-    for run in [r for r in runs if r["wanted"]][:MOST_TIMELINES]:
-        run["timeline"] = timeline_svg(results, run["key"])
+    pictures = overviews(results)
+    in_pictures = {key for picture in pictures for key in picture.shown}
+    runs = [_run(results, row) for row in _chosen_runs(results.runs, in_pictures)]
+    wanted = [run for run in runs if run["wanted"]]
+    wanted.sort(key=lambda run: run["key"] not in in_pictures)
+    for run in wanted[: max(MOST_TIMELINES, len(in_pictures))]:
+        run["timeline"] = timeline_svg(results, run["key"], to_timeline(run["key"]))
     sections = [
-        ("summary", "Summary"), ("tables", "Tables"), ("papers", "Beside published figures"),
-        ("differences", "Differences"), ("figures", "Figures"), ("validity", "Link and limits"),
-        ("runs", "Runs"), ("manifest", "Manifest"),
+        ("tables", "Tables"), ("papers", "Beside published figures"),
+        ("differences", "Differences"), ("figures", "Figures"), ("runs", "Runs"),
+        ("validity", "Link and limits"), ("setup", "Setup"), ("manifest", "Manifest"),
     ]  # fmt: skip
+    first, *further = content.tables or [Table("cells_1", "", [])]
     if not content.comparisons:
         sections.remove(("papers", "Beside published figures"))
     if not any(table.rows for table in content.differences):
         sections.remove(("differences", "Differences"))
     page = render(
         "report.html.j2",
-        title=results.title,
+        title=results.title.removesuffix(f" [{results.played_instead}]"),
+        played_instead=results.played_instead,
         name=results.name,
         notes=results.spec.get("notes") or "",
-        sections=sections,
+        sections=dict(sections),
+        told=told(results),
+        pictures=pictures,
+        picture_caption=CAPTION,
+        first=first,
         tiles=_tiles(results, content.cells),
         warnings=content.warnings,
         setup=content.setup,
         settings=content.settings,
         hint=_hint(content.cells),
         problems=results.problems,
-        tables=content.tables,
+        tables=further,
         cell_notes=[(cell.name, note) for cell in content.cells for note in cell.notes],
         comparisons=content.comparisons,
         differences=[table for table in content.differences if table.rows],
@@ -134,14 +146,21 @@ def _hint(cells: list[Cell]) -> str:
     return power_hint(min(cell.valid for cell in cells))
 
 
-def _chosen_runs(runs: pd.DataFrame) -> list[dict[str, Any]]:
-    """Returns all runs; of a large campaign the failed and lossy ones, then the first of every
-    cell."""
+def _chosen_runs(runs: pd.DataFrame, in_pictures: set[str]) -> list[dict[str, Any]]:
+    """Returns all runs; of a large campaign the failed and lossy ones, then those of the pictures
+    and the first of every cell."""
     flagged = ~runs["valid"].eq(True) | runs["not_completed"].eq(True) | runs["lost"].eq(True)
-    first = ~runs.duplicated("cell")
+    first = ~runs.duplicated("cell") | runs["run_key"].isin(in_pictures)
     marked = runs.assign(wanted=flagged | first)
     if len(runs) > MOST_RUNS:
-        kept = pd.concat([marked[flagged].head(MOST_RUNS // 2), marked[first & ~flagged]])
+        shown = marked["run_key"].isin(in_pictures)
+        kept = pd.concat(
+            [
+                marked[shown],
+                marked[flagged & ~shown].head(MOST_RUNS // 2),
+                marked[first & ~flagged & ~shown],
+            ]
+        )
         marked = kept.head(MOST_RUNS).sort_index()
     return [{str(k): v for k, v in row.items()} for row in marked.to_dict("records")]
 

@@ -61,6 +61,8 @@ class Results:
     """Runs the experiment asks for, when known."""
     spec: dict[str, Any] = field(default_factory=dict)
     """The experiment file as run, if it was stored."""
+    played_instead: str = ""
+    """Which sequences were played instead of the requested ones, as in `title`; empty without."""
     refused: list[str] = field(default_factory=list)
     """Runs whose numbers must not be mixed with the others'; they count as invalid."""
 
@@ -185,10 +187,12 @@ def load(folder: Path) -> Results:
     spec = spec if isinstance(spec, dict) else {}
     if not len(runs):
         problems.insert(0, "nothing was measured: there is no readable run")
+    title = str(spec.get("title") or experiment.get("title") or folder.name)
+    instead = _stand_ins(experiment)
     results = Results(
         folder=folder,
-        title=str(spec.get("title") or experiment.get("title") or folder.name)
-        + _stand_ins(experiment),
+        title=f"{title} [{instead}]" if instead else title,
+        played_instead=instead,
         runs=_side_by_side(_in_order(runs, spec)),
         problems=problems,
         facts=facts,
@@ -410,12 +414,10 @@ def _rank(names: list[str]) -> Callable[[object], tuple[int, str]]:
 
 
 def _stand_ins(experiment: dict[str, Any]) -> str:
-    """Returns a suffix of the title for sequences that were played instead of the requested
-    ones."""
+    """Returns which sequences were played instead of the requested ones; empty without any."""
     found = experiment.get("stand_ins")
     pairs = found.items() if isinstance(found, dict) else ()
-    message = "; ".join(played_instead(str(played), str(wanted)) for played, wanted in pairs)
-    return f" [{message}]" if message else ""
+    return "; ".join(played_instead(str(played), str(wanted)) for played, wanted in pairs)
 
 
 def _report_missing(results: Results, planned: list[dict[str, Any]]) -> None:

@@ -73,4 +73,4 @@ def in_page(points: str) -> Markup:
 def page_script() -> str:
     """Returns the only script of a report, which shows values under the pointer. The server allows
     it by its digest."""
-    return script_of("view_math.js") + script_of("figures.js")
+    return "".join(map(script_of, ("view_math.js", "figures.js", "lanes_zoom.js")))

@@ -125,9 +125,9 @@ def cell_tables(cells: list[Cell], metrics: list[Metric], per_table: int = 5) ->
         tables.append(
             Table(
                 f"cells_{start // per_table + 1}",
-                "Medians (shares) of the valid runs with 95 % intervals"
-                + ("; in parentheses the range of fewer than 6 runs" if few else "")
-                + (f"; {datasets[0]}" if one else ""),
+                "Median (or share) of the valid runs [95 % interval]"
+                + (" (range of fewer than 6 runs)" if few else "")
+                + (f", {datasets[0]}" if one else ""),
                 ["system", *([] if one else ["dataset"]), "link"]
                 + [*(["faults [s]"] if failing else []), *(["hosts"] if mixed else []), "runs"]
                 + [m.heading for m in part],

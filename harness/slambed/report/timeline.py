@@ -1,99 +1,73 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Draws the timeline of one run as a small inline SVG: state, RTT, CPU, map updates and faults."""
-
-import html
+"""Draws the timeline of one run as inline SVG: state, losses, map updates, RTT, CPU and faults."""
 
 import numpy as np
 import pandas as pd
 
-from slambed.metrics.faults import spans
 from slambed.metrics.network import series
 from slambed.report.load import Results
-from slambed.report.style import FAULT_SHADE, fault_color
+from slambed.report.time_lanes import BLACK, PINK, TimeLanes
 
-WIDTH, HEIGHT = 720, 150
-LEFT, RIGHT = 64, 8
-STATE_TOP, STATE_HEIGHT = 8, 14
-RTT_TOP, RTT_HEIGHT = 30, 44
-CPU_TOP, CPU_HEIGHT = 82, 44
-MOST_POINTS = 300
-STATE_COLORS = {"ok": "#009E73", "lost": "#D55E00", "not_initialized": "#999999"}
-BLUE, BLACK = "#0072B2", "#222222"
+STATE_HEIGHT, MARKS_HEIGHT, CURVE_HEIGHT, GAP = 14, 7, 44, 4
+FAULTS = ("fault_began", "fault_ended")
 
 
-def timeline_svg(results: Results, run_key: str) -> str | None:
-    """Returns the SVG, or None if the run has no readable events."""
+def timeline_svg(results: Results, run_key: str, link: str = "") -> str | None:
+    """Returns the SVG, or None if the run has no readable events. `link`: where its marks lead."""
     events = results.table(run_key, "events")
     if events is None or events.empty:
         return None
-    frames = events[events["type"] == "frame_tracked"]
-    end_s = max(1.0, float(events["t_ns"].max()) / 1e9)
-    parts = [_faults(results, run_key, end_s), _states(frames, end_s), _marks(events, end_s)]
-    link = results.table(run_key, "link")
-    if link is not None:
-        probe = series(link, "probe_rtt_ms")
-        parts.append(_curve(probe, end_s, RTT_TOP, RTT_HEIGHT, "RTT", "ms"))
+    lanes = TimeLanes(float(events["t_ns"].max()) / 1e9)
+    top = lanes.y
+    lanes.name("state")
+    state_lane(lanes, events, STATE_HEIGHT, link)
+    table = results.table(run_key, "link")
+    if table is not None and len(rtt := measured_rtt(table, events)):
+        _curve(lanes, rtt, "RTT, measured", "ms")
     samples = results.table(run_key, "samples")
     if samples is not None:
         own = samples[samples["node"] == "mobile"].rename(columns={"cpu_percent": "value"})
-        parts.append(_curve(_smoothed(own), end_s, CPU_TOP, CPU_HEIGHT, "mobile CPU", "%"))
-    return (
-        f'<svg class="timeline" viewBox="0 0 {WIDTH} {HEIGHT}" role="img" '
-        f'aria-label="time line of run {html.escape(run_key)}">' + "".join(parts) + _axis(end_s)
-    ) + "</svg>"
+        if len(smooth := _smoothed(own)):
+            _curve(lanes, smooth, "mobile CPU", "% of a core")
+    log = results.events(run_key, FAULTS)
+    lanes.faults(log.events if log is not None else [], top, link)
+    return lanes.svg(f"time line of run {run_key}")
 
 
-def _x(t_s: float, end_s: float) -> float:
-    return LEFT + (WIDTH - LEFT - RIGHT) * min(max(t_s / end_s, 0.0), 1.0)
+def state_lane(lanes: TimeLanes, events: pd.DataFrame, height: int, link: str = "") -> None:
+    """Draws the tracking state with crosses at track losses; under it ticks for map updates."""
+    frames = events[events["type"] == "frame_tracked"]
+    if len(frames):
+        lanes.states(frames, height, link)
+    else:
+        lanes.gap(height)
+    lanes.losses(times_of(events, "track_lost"), height, link)
+    for kind, color, says in (
+        ("update_applied", BLACK, "map update applied"),
+        ("update_declined", PINK, "map update declined"),
+    ):
+        lanes.ticks(times_of(events, kind), MARKS_HEIGHT, color, says, link)
+    lanes.gap(MARKS_HEIGHT)
 
 
-def _faults(results: Results, run_key: str, end_s: float) -> str:
-    """Shades the time of injected faults behind the curves."""
-    log = results.events(run_key, ("fault_began", "fault_ended"))
-    out: list[str] = []
-    for span in spans(log.events if log is not None else []):
-        name = f"{span.target}: {span} s"
-        x0 = _x(span.begin_s, end_s)
-        x1 = _x(end_s if span.end_s is None else span.end_s, end_s)
-        out.append(
-            f'<rect class="fault" x="{x0:.1f}" y="{STATE_TOP}" width="{max(x1 - x0, 0.8):.1f}" '
-            f'height="{CPU_TOP + CPU_HEIGHT - STATE_TOP}" fill="{fault_color(span.fault)}" '
-            f'fill-opacity="{FAULT_SHADE}"><title>{html.escape(name)}</title></rect>'
-        )
-    return "".join(out)
+def measured_rtt(link: pd.DataFrame, events: pd.DataFrame) -> pd.DataFrame:
+    """Returns the RTT of the probe, else what the mobile node knew: virtual runs have no probe."""
+    probe = series(link, "probe_rtt_ms")
+    own = events[(events["type"] == "rtt_sample") & (events["node"] == "mobile")]
+    if len(probe) or "rtt_ms" not in own:
+        return probe
+    return pd.DataFrame({"t_s": own["t_ns"] / 1e9, "value": own["rtt_ms"].astype(float)}).dropna()
 
 
-def _states(frames: pd.DataFrame, end_s: float) -> str:
-    """Draws the state as a strip, one rectangle per interval of equal state."""
-    out = [_label("state", STATE_TOP + STATE_HEIGHT / 2)]
-    if not len(frames):
-        return out[0]
-    begins = frames["t_ns"].to_numpy(np.float64) / 1e9
-    states = frames["state"].astype(str).tolist()
-    start = 0
-    for i in range(1, len(states) + 1):
-        if i < len(states) and states[i] == states[start]:
-            continue
-        stop_s = begins[i] if i < len(states) else begins[-1]
-        x0, x1 = _x(begins[start], end_s), _x(stop_s, end_s)
-        out.append(
-            f'<rect x="{x0:.1f}" y="{STATE_TOP}" width="{max(x1 - x0, 0.8):.1f}" '
-            f'height="{STATE_HEIGHT}" fill="{STATE_COLORS.get(states[start], "#cccccc")}">'
-            f"<title>{html.escape(states[start])} from {begins[start]:.1f} s</title></rect>"
-        )
-        start = i
-    return "".join(out)
+def times_of(events: pd.DataFrame, kind: str) -> list[float]:
+    """Returns the run times of all events of a type, in seconds."""
+    found = events.loc[events["type"] == kind, "t_ns"].to_numpy(np.float64) / 1e9
+    return [float(t) for t in found]
 
 
-def _marks(events: pd.DataFrame, end_s: float) -> str:
-    """Draws ticks under the state strip for applied map updates."""
-    applied = events.loc[events["type"] == "update_applied", "t_ns"].to_numpy(np.float64) / 1e9
-    return "".join(
-        f'<line x1="{_x(t, end_s):.1f}" x2="{_x(t, end_s):.1f}" y1="{STATE_TOP + STATE_HEIGHT}" '
-        f'y2="{STATE_TOP + STATE_HEIGHT + 5}" stroke="{BLACK}" stroke-width="0.8">'
-        f"<title>map update applied at {t:.1f} s</title></line>"
-        for t in applied[:MOST_POINTS]
-    )
+def largest(values: pd.Series) -> float:
+    """Returns the end of a scale that single peaks do not stretch."""
+    return max(float(values.quantile(0.995)), 1e-9)
 
 
 def _smoothed(samples: pd.DataFrame) -> pd.DataFrame:
@@ -103,34 +77,9 @@ def _smoothed(samples: pd.DataFrame) -> pd.DataFrame:
     return pd.DataFrame({"t_s": means.index + 0.5, "value": means.to_numpy()})
 
 
-def _curve(data: pd.DataFrame, end_s: float, top: int, height: int, name: str, unit: str) -> str:
-    data = data[(data["t_s"] >= 0) & (data["t_s"] <= end_s)]
-    if data.empty:
-        return ""
-    if len(data) > MOST_POINTS:
-        data = data.iloc[np.linspace(0, len(data) - 1, MOST_POINTS).astype(int)]
-    most = max(float(data["value"].quantile(0.995)), 1e-9)
-    points = " ".join(
-        f"{_x(t, end_s):.1f},{top + height - height * min(v / most, 1.0):.1f}"
-        for t, v in zip(data["t_s"], data["value"], strict=True)
-    )
-    return (
-        _label(name, top + height / 2)
-        + f'<text x="{LEFT - 4}" y="{top + 7}" class="tick">{most:.3g} {unit}</text>'
-        + f'<text x="{LEFT - 4}" y="{top + height}" class="tick">0</text>'
-        + f'<line x1="{LEFT}" x2="{WIDTH - RIGHT}" y1="{top + height}" y2="{top + height}" '
-        + 'stroke="#cccccc"/>'
-        + f'<polyline points="{points}" fill="none" stroke="{BLUE}" stroke-width="1.1"/>'
-    )
-
-
-def _label(text: str, y: float) -> str:
-    return f'<text x="2" y="{y + 3:.0f}" class="name">{html.escape(text)}</text>'
-
-
-def _axis(end_s: float) -> str:
-    step = next(s for s in (1, 2, 5, 10, 20, 50, 100, 200, 500, 1e9) if end_s / s <= 10)
-    ticks = np.arange(0, end_s, step)
-    return "".join(
-        f'<text x="{_x(t, end_s):.1f}" y="{HEIGHT - 6}" class="time">{t:g} s</text>' for t in ticks
-    )
+def _curve(lanes: TimeLanes, data: pd.DataFrame, name: str, unit: str) -> None:
+    lanes.gap(GAP)
+    most = largest(data["value"])
+    lanes.name(f"{name} [{unit}]", right=f"0 to {most:.0f}" if most >= 10 else f"0 to {most:.1f}")
+    lanes.curve(data, CURVE_HEIGHT, most, name, unit)
+    lanes.base(CURVE_HEIGHT)

@@ -14,6 +14,7 @@ from slambed.metrics.metric import Metric
 from slambed.report.cells import Cell, cells_of, metrics_to_show, number, text
 from slambed.report.compute_times import compute_times
 from slambed.report.load import Results, load
+from slambed.report.overview import Overview, overviews
 from slambed.report.tables import Table, cell_tables
 from slambed.serve.guard import PART
 from slambed.spec.run_spec import run_name
@@ -82,6 +83,12 @@ class LoadedExperiment:
         cover all valid runs of a cell: a filter hides cells, but changes no number."""
         names = set(chosen.of_runs(self.results.runs)["cell"])
         return cell_tables([cell for cell in self.cells if cell.name in names], self.metrics)
+
+    def pictures(self, chosen: RunFilter) -> list[Overview]:
+        """Returns the median runs of the cells with a run that passes the filters, over time."""
+        names = set(chosen.of_runs(self.results.runs)["cell"])
+        part = self.results.only([cell in names for cell in self.results.runs["cell"]])
+        return overviews(part, lambda key: f"runs/{key}/")
 
     def runs(self, chosen: RunFilter) -> tuple[list[dict[str, Any]], int]:
         """Returns the runs that pass the filters, and how many more there are than a page shows."""

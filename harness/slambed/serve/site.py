@@ -15,8 +15,10 @@ from slambed.campaign.campaign_state import is_alive, state_of
 from slambed.errors import SlambedError
 from slambed.explain.run_log import read_run
 from slambed.explain.story import story
+from slambed.report.overview import CAPTION
 from slambed.report.page import STYLE, page_script, script_of
 from slambed.report.timeline import timeline_svg
+from slambed.report.told import told
 from slambed.serve.answer import Answer, as_json, content, error_page, moved, page
 from slambed.serve.experiment_view import LoadedExperiment, RunFilter, figures_of
 from slambed.serve.experiments import ExperimentEntry, is_experiment, listed, names_of, status_of
@@ -30,7 +32,7 @@ Query = Mapping[str, list[str]]
 
 EXPERIMENTS, PAPERS, STATIC = "experiments", "papers", "static"
 OWN_SCRIPTS = ("follow.js", "run.js", "lanes.js", "space.js")
-SHARED_SCRIPTS = ("view_math.js", "figures.js")
+SHARED_SCRIPTS = ("view_math.js", "figures.js", "lanes_zoom.js")
 """Scripts that reports also contain."""
 OF_EXPERIMENT = ("summary.csv", "report.md", "experiment.json")
 OF_RUN = ("manifest.json", "summary.json", "trajectory.txt", "trajectory_live.txt",
@@ -207,6 +209,9 @@ class Site:
             problems=loaded.results.problems,
             options=options,
             chosen=chosen,
+            told=told(loaded.results),
+            pictures=loaded.pictures(chosen),
+            picture_caption=CAPTION,
             tables=loaded.tables(chosen),
             notes=[(cell.name, note) for cell in loaded.cells for note in cell.notes],
             runs=runs,

@@ -15,7 +15,7 @@ import pytest
 from browser import Page
 from data_samples import write_prepared
 from results_factory import quickstart_like
-from test_reports_in_browser import ATE, near
+from test_reports_in_browser import ATE, near, unfold
 from waiting import in_background
 
 from slambed.campaign.ledger import Ledger
@@ -274,4 +274,36 @@ def test_without_scripts_a_run_has_story_and_time_line(page: Page, address: str)
 
 def test_a_served_report_runs_its_script(page: Page, address: str) -> None:
     page.open(f"{address}/experiments/invented/report/index.html")
+    unfold(page)
     near(page, ATE)
+
+
+def test_a_mark_of_a_served_report_leads_to_its_moment_in_the_run(page: Page, address: str) -> None:
+    page.open(f"{address}/experiments/invented/report/index.html")
+    mark = "document.querySelector('svg.overview a[data-t]:nth-of-type(3)')"
+    key, at_s = page.value(
+        f"[{mark}.getAttribute('href').match(/runs\\/(\\w+)\\//)[1], {mark}.dataset.t]"
+    )
+    page.open(f"{address}/experiments/invented/runs/{key}/#t={at_s}", READY)
+    now_s = float(page.text("#now").split(" s")[0])
+    assert float(at_s) > 0.5 and abs(now_s - float(at_s)) < 0.3
+
+
+def test_the_picture_of_an_experiment_leads_to_a_moment_and_stays_alive_when_filtered(
+    page: Page, address: str
+) -> None:
+    page.open(f"{address}/experiments/invented/")
+    page.until("document.querySelector('.lanesframe svg.overview')")
+    names = "document.querySelectorAll('svg.overview > a').length"
+    assert page.value(names) == 4
+    page.value("document.getElementById('filter-link').focus()")
+    page.value(
+        "(() => { const s = document.getElementById('filter-link'); s.value = 'ramp_85';"
+        " s.dispatchEvent(new Event('change', { bubbles: true })); })()"
+    )
+    page.until(f"{names} === 2")
+    page.until("document.querySelector('.lanesframe svg.overview')")
+    mark = "document.querySelector('svg.overview a[data-t]:nth-of-type(3)')"
+    href, at_s = page.value(f"[{mark}.getAttribute('href'), {mark}.dataset.t]")
+    page.open(f"{address}/experiments/invented/{href}", READY)
+    assert abs(float(page.text("#now").split(" s")[0]) - float(at_s)) < 0.3

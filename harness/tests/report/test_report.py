@@ -376,9 +376,9 @@ def test_view_draws_a_run_and_says_when_rerun_is_missing(reported: Path, tmp_pat
     assert png.stat().st_size > 10_000
     name = f"{view.row['cell']} #1"
     assert f"<!-- {name} -->" in png.with_suffix(".svg").read_text()
-    page = (reported / "report" / "index.html").read_text()
+    page = (reported / "report" / "index.html").read_text().replace("<wbr>", "")
     assert f">{name}</td>" in page and "#3</td>" in page and "#0<" not in page
-    assert re.search(r"<h3>[0-9a-f]{16}:\n" + name, page) and "repetition 0" not in page
+    assert f"<h3>{name}</h3>" in page and "repetition 0" not in page
     try:
         import rerun  # noqa: F401
     except ImportError:

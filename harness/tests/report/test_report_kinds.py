@@ -127,7 +127,7 @@ def test_a_report_reports_the_faults_of_its_runs(tmp_path: Path) -> None:
     results = load(folder)
     assert metrics_to_show(results)[0].key == "keyframes"
     shades = {
-        key: [float(w) for w in re.findall(r'class="fault".*?width="([\d.]+)"', timeline)]
+        key: [float(w) for w in re.findall(r'class="fault".*?width="([\d.]+)%"', timeline)]
         for key in results.runs["run_key"]
         if (timeline := timeline_svg(results, key)) is not None
     }

@@ -9,7 +9,7 @@ import numpy as np
 import pandas as pd
 import pytest
 from browser import Page
-from results_factory import quickstart_like
+from results_factory import losing, quickstart_like
 from test_diff import NAMES
 from test_diff import results as differing
 
@@ -32,7 +32,13 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.fixture
 def report(page: Page, folder: Path) -> Page:
     page.open((folder / "index.html").as_uri())
+    unfold(page)
     return page
+
+
+def unfold(page: Page) -> None:
+    """Opens all folded parts of a report."""
+    page.value("document.querySelectorAll('details').forEach((d) => { d.open = true; })")
 
 
 ATE = "#box_ate_rmse_m"
@@ -136,13 +142,93 @@ def test_a_report_prints_and_reads_without_its_script_as_with_it(
     with_script = report.pdf()
     report.scripts(False)
     report.open((folder / "index.html").as_uri())
-    assert report.value("document.querySelectorAll('.frame').length") == 0
+    assert report.value("document.querySelectorAll('.frame, .lanesframe').length") == 0
     assert report.value("[...document.images].every((i) => i.naturalWidth > 0)")
     assert report.box("p.scripted")["height"] == 0
     without = report.pdf()
     pages = [len(re.findall(rb"/Type\s*/Page\b", pdf)) for pdf in (with_script, without)]
     assert pages[0] == pages[1] > 1
     assert abs(len(with_script) - len(without)) < 0.02 * len(without)
+
+
+@pytest.fixture
+def folded(page: Page, lossy: Path) -> Page:
+    """A report as it opens, of runs that lose track."""
+    page.open(lossy.as_uri())
+    return page
+
+
+@pytest.fixture(scope="module")
+def lossy(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The page of three runs, two of which lose track at 6 s."""
+    runs = losing(tmp_path_factory.mktemp("lossy"))
+    return write_report(runs, figures=False).html
+
+
+CROSS = "svg.overview a:has(svg.at)"
+
+
+@pytest.mark.parametrize("width", [1280, 400])
+def test_the_first_screen_is_the_picture(folded: Page, lossy: Path, width: int) -> None:
+    folded.size(width, 900)
+    folded.open(lossy.as_uri())
+    top, bottom = folded.value(
+        "(({top, bottom}) => [top, bottom])"
+        "(document.querySelector('svg.overview').getBoundingClientRect())"
+    )
+    assert 0 < top < bottom < 900
+    assert folded.value("document.documentElement.scrollWidth") <= width
+    # Nothing of the picture is cut off at its right end.
+    assert folded.value(
+        "[...document.querySelectorAll('svg.overview > text, svg.overview > a text')].every("
+        "(t) => t.getBoundingClientRect().right <= innerWidth)"
+    )
+
+
+@pytest.mark.parametrize("scripts", [True, False])
+def test_a_click_on_a_loss_leads_to_the_time_line_of_its_run(
+    page: Page, lossy: Path, scripts: bool
+) -> None:
+    page.scripts(scripts)
+    page.open(lossy.as_uri())
+    target = page.value(f"document.querySelector('{CROSS}').getAttribute('href')")
+    assert page.value(f"document.querySelector('{target} svg').checkVisibility()") is False
+    box = page.box(f"{CROSS} rect")
+    at = (box["x"] + box["width"] / 2, box["y"] + box["height"] / 2)
+    page.mouse("mousePressed", *at, button="left", clickCount=1)
+    page.mouse("mouseReleased", *at, button="left", clickCount=1)
+    page.until(f"location.hash === '{target}'")
+    page.until(f"document.querySelector('{target} svg').checkVisibility()")
+    page.until(
+        f"(({{top}}) => top >= 0 && top < innerHeight)"
+        f"(document.querySelector('{target}').getBoundingClientRect())"
+    )
+
+
+def test_the_picture_tells_its_values_and_is_looked_at_closer(folded: Page) -> None:
+    frame = "document.querySelector('.lanesframe')"
+    box = folded.box(".lanesframe")
+    folded.mouse("mouseMoved", box["x"] + box["width"] / 2, box["y"] + 20)
+    folded.until(f"!{frame}.querySelector('.tip').hidden")
+    tip = folded.text(".lanesframe .tip")
+    # The round-trip time that was asked of the link is largest in the middle of 12 s.
+    assert "6." in tip.split(" s")[0] or "5.9" in tip
+    asked = re.search(r"RTT of ramp_85, asked: ([\d.]+) ms", tip)
+    assert asked is not None and float(asked[1]) > 70
+    assert "tracking: " in tip
+    folded.value(f"{frame}.focus()")
+    window = f"Number({frame}.querySelector('.window').getAttribute('width').slice(0, -1))"
+    assert folded.value(window) == pytest.approx(100)
+    folded.key("+")
+    assert folded.value(window) == pytest.approx(150)
+    folded.key("0")
+    assert folded.value(window) == pytest.approx(100)
+    folded.drag(
+        (box["x"] + 0.25 * box["width"], box["y"] + 20),
+        (box["x"] + 0.5 * box["width"], box["y"] + 20),
+    )
+    assert folded.value(window) == pytest.approx(400, rel=0.05)
+    assert folded.value("location.hash") == ""
 
 
 def test_a_difference_reports_its_values_as_a_report_does(page: Page, tmp_path: Path) -> None:

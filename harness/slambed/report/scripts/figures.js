@@ -36,7 +36,8 @@
     for (const axes of points.axes) {
       axes.curves.forEach((curve) => curve.x.forEach((x, i) => found.push({
         across: across(axes, x), down: down(axes, curve.y[i]), color: curve.color, curve,
-        says: [curve.name, said(axes.x, x), said(axes.y, curve.y[i])],
+        says: [curve.name, said(axes.x, x), said(axes.y, curve.y[i]),
+          curve.value && `${curve.value.label}: ${viewMath.short(curve.value.of[i])}`],
       })));
       for (const bar of axes.bars) {
         const middle = (bar.y[0] + bar.y[1]) / 2;

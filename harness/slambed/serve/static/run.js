@@ -98,6 +98,8 @@
   }
   by("play").addEventListener("click", () => (playing ? stop() : play()));
   slider.addEventListener("input", () => { stop(); go(Number(slider.value)); });
-  go(0);
+  // A mark of a report leads to its moment.
+  const asked = location.hash.match(/^#t=([\d.]+)$/);
+  go(asked ? viewMath.lastBefore(frames.t_s, Number(asked[1])) : 0);
   player.dataset.ready = "yes";
 })();

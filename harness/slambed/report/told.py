@@ -1,0 +1,49 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Tells the result of an experiment in one sentence: who lost track, and on which link."""
+
+import pandas as pd
+
+from slambed.report.cells import text
+from slambed.report.load import Results
+
+MOST_SYSTEMS = 4
+MOST_LINKS = 3
+NO_LINK = "no link"
+
+
+def told(results: Results) -> str:
+    """Returns one sentence about the valid runs; empty without any."""
+    runs = results.valid_runs
+    lost = runs["lost"].eq(True)
+    if not len(runs):
+        return ""
+    if not lost.any():
+        return f"No run of {len(runs)} lost track." if len(runs) > 1 else "The run kept track."
+    if lost.all():
+        return f"Every run of {len(runs)} lost track." if len(runs) > 1 else "The run lost track."
+    groups = sorted(
+        runs.assign(lost=lost).groupby("label", sort=False),
+        key=lambda group: -float(group[1]["lost"].mean()),
+    )
+    parts = [_of_system(str(label), rows) for label, rows in groups[:MOST_SYSTEMS]]
+    more = len(groups) - MOST_SYSTEMS
+    rest = f"; {more} more systems are in the table" if more > 0 else ""
+    return f"Runs with a track loss: {'; '.join(parts)}{rest}."
+
+
+def _of_system(label: str, rows: pd.DataFrame) -> str:
+    """Returns `offloaded 9 of 10 with rtt_85, none of 20 otherwise`."""
+    lost, count = int(rows["lost"].sum()), len(rows)
+    if not lost:
+        return f"{label} none of {count}"
+    one_dataset = rows["dataset"].nunique() == 1
+    links = [
+        (text(profile) or NO_LINK, int(part["lost"].sum()), len(part))
+        for profile, part in rows.groupby("profile", sort=False, dropna=False)
+    ]
+    with_losses = [link for link in links if link[1]]
+    if not one_dataset or len(links) == 1 or len(with_losses) > MOST_LINKS:
+        return f"{label} {lost} of {count}"
+    named = ", ".join(f"{n} of {of} with {name}" for name, n, of in with_losses)
+    without = sum(of for _, n, of in links if not n)
+    return f"{label} {named}" + (f", none of {without} otherwise" if without else "")

@@ -1,0 +1,150 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The first screen of a report: one sentence, one picture, one table; the rest is folded."""
+
+import re
+from pathlib import Path
+
+import pandas as pd
+import pytest
+from results_factory import losing
+
+from slambed.report import overview
+from slambed.report.conditions import median_run
+from slambed.report.experiment import write_report
+from slambed.report.load import Results, load
+from slambed.report.overview import overviews
+from slambed.report.told import told
+
+LOST = ("0000000000000001", "0000000000000002")
+
+
+@pytest.fixture(scope="module")
+def experiment(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return losing(tmp_path_factory.mktemp("overview"))
+
+
+@pytest.fixture(scope="module")
+def page(experiment: Path) -> str:
+    return write_report(experiment, figures=False).html.read_text()
+
+
+def test_sentence_picture_and_table_come_before_all_that_is_folded(page: str) -> None:
+    places = [
+        page.index(part)
+        for part in (
+            "Runs with a track loss: edgeslam:static 2 of 2; orbslam2 none of 1.",
+            '<svg class="timeline overview"',
+            "<table",
+            '<details class="part">',
+        )
+    ]
+    assert places == sorted(places)
+    folded = page.index('<details class="part">')
+    assert page.count("<table", 0, folded) == 1
+    assert " open" not in "".join(re.findall(r"<details class=\"part\"[^>]*>", page))
+
+
+def test_the_picture_has_link_states_losses_updates_and_tracking(experiment: Path) -> None:
+    results = load(experiment)
+    (picture,) = overviews(results)
+    assert len(picture.shown) == 2 and picture.shown[1] in LOST and picture.left_out == 0
+    svg = picture.svg
+    for part in (
+        ">ramp_85: RTT asked (line), measured (dots)<",
+        'data-name="RTT of ramp_85, asked"',
+        "<title>RTT measured:",
+        ">orbslam2, none<",
+        ">edgeslam:static, ramp_85",
+        "<title>lost from 6.0 s",
+        "<title>track lost at 6.0 s",
+        "<title>map update applied at ",
+        'data-name="edgeslam:static, ramp_85, tracking"',
+        ">10 s<",
+    ):
+        assert part in svg, part
+    # The system alone has no link that delays, no loss and no update.
+    alone = svg.split(f"#t-{picture.shown[1]}")[0]
+    assert "<title>track lost" not in alone and "<title>map update" not in alone
+
+
+def test_every_mark_leads_to_the_time_line_of_its_run(page: str) -> None:
+    start = page.index('<svg class="timeline overview"')
+    svg = page[start : page.index("<figcaption>", start)]
+    links = re.findall(r'<a href="#([^"]+)"', svg)
+    assert len(links) >= 10
+    assert set(links) <= set(re.findall(r' id="([^"]+)"', page))
+    for link in set(links):
+        line = page[page.index(f'id="{link}"') :].partition("</div>")[0]
+        assert '<svg class="timeline"' in line
+    # Nothing that can be pointed at is without a link: neither states nor crosses nor ticks.
+    for mark in ("tracked", "track lost at", "map update applied at", "lost from"):
+        for found in re.finditer(f"<title>[^<]*{mark}", svg):
+            assert svg.rfind("<a ", 0, found.start()) > svg.rfind("</a>", 0, found.start())
+
+
+def test_runs_without_events_leave_a_page_without_a_picture(tmp_path: Path) -> None:
+    experiment = losing(tmp_path)
+    for path in experiment.glob("runs/*/events.parquet"):
+        path.unlink()
+    text = write_report(experiment, figures=False).html.read_text()
+    assert "timeline overview" not in text and "<table" in text
+
+
+def runs(*rows: tuple[str, str, bool]) -> Results:
+    """Results of valid runs: label, link, and whether track was lost."""
+    table = pd.DataFrame(rows, columns=["label", "profile", "lost"])
+    table = table.assign(valid=True, dataset="room", cell=table["label"] + "/" + table["profile"])
+    return Results(Path("x"), "x", table)
+
+
+@pytest.mark.parametrize(
+    ("rows", "sentence"),
+    [
+        ([], ""),
+        ([("a", "none", False)] * 3, "No run of 3 lost track."),
+        ([("a", "none", True)] * 2, "Every run of 2 lost track."),
+        ([("a", "none", True)], "The run lost track."),
+        (
+            [("a", "none", False)] * 3
+            + [("b", "none", False)] * 2
+            + [("b", "rtt_85", True)] * 2
+            + [("b", "rtt_85", False)],
+            "Runs with a track loss: b 2 of 3 with rtt_85, none of 2 otherwise; a none of 3.",
+        ),
+        (
+            [(name, "none", name == "a") for name in "abcdef"],
+            "Runs with a track loss: a 1 of 1; b none of 1; c none of 1; d none of 1; "
+            "2 more systems are in the table.",
+        ),
+    ],
+)
+def test_one_sentence_says_who_lost_track(rows: list[tuple[str, str, bool]], sentence: str) -> None:
+    assert told(runs(*rows)) == sentence
+
+
+def test_the_median_run_counts_a_failure_as_worse_than_any_error() -> None:
+    rows = pd.DataFrame(
+        {
+            "run_key": list("abcde"),
+            "coverage": [1.0, 0.2, 1.0, None, 1.0],
+            "ate_rmse_m": [0.03, 0.001, 0.01, None, 0.02],
+        }
+    )
+    # Best to worst: c, e, a, b (most frames lost), d (nothing tracked).
+    assert median_run(rows) == "a"
+    assert median_run(rows.iloc[:4]) == "a"
+    assert median_run(rows.iloc[:0]) is None
+
+
+def test_where_not_all_cells_fit_the_links_with_most_losses_are_shown() -> None:
+    found = runs(
+        *(
+            (system, link, link == "rtt_9")
+            for link in ("rtt_1", "rtt_9", "rtt_5")
+            for system in "abcde"
+        )
+    )
+    kept = [link for link, _ in overview._links(found.runs)]
+    assert kept == ["rtt_9"]
+    few = found.runs[found.runs["label"].isin(["a", "b", "c"])]
+    assert [link for link, _ in overview._links(few)] == ["rtt_1", "rtt_9"]
