@@ -6,6 +6,7 @@ import json
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from itertools import chain
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -123,7 +124,7 @@ def _column(name: str, groups: list[_Group], kind: pa.DataType, problems: list[s
                 parts.append(pa.nulls(gap, kind))
                 gap = 0
             # NumPy reads plain numbers quicker than Arrow does, which then takes them as they are.
-            plain = np.array(values, _PLAIN[kind]) if types == {_PLAIN.get(kind)} else values
+            plain: Any = np.array(values, _PLAIN[kind]) if types == {_PLAIN.get(kind)} else values
             parts.append(pa.array(plain, kind, from_pandas=kind == _F))
         else:
             return pa.concat_arrays([*parts, pa.nulls(gap, kind)])
