@@ -3,7 +3,7 @@
 
 SHELL := /bin/bash
 .DEFAULT_GOAL := help
-.PHONY: help packages setup setup-dev build experiment paper plots shell check tidy smoke test test-all test-browser test-asan test-tsan fuzz bench bench-against test-netem data images wheel docs doctor clean
+.PHONY: help packages setup setup-dev build experiment paper kept plots shell check tidy smoke test test-all test-browser test-asan test-tsan fuzz bench bench-against test-netem data images wheel docs doctor clean
 # The Python environment and the C++ programs are built in parallel: one downloads while the other compiles.
 MAKEFLAGS += -j2
 
@@ -44,8 +44,11 @@ build: packages ## Compile the C++ programs (inside the image build where Docker
 experiment: setup build ## Run an experiment and show its report: NAME=quickstart [RUNS=3] [ENGINE=auto]
 	@$(SUDO) $(SLAMBED) run $(NAME) $(if $(RUNS),--runs $(RUNS)) $(if $(filter-out auto,$(ENGINE)),--engine $(ENGINE))
 
-paper: setup build ## Run or reuse a paper's experiments and write its page: [PAPER=dynnetslam] [RUNS=paper] [ENGINE=virtual]
-	@$(SUDO) $(SLAMBED) papers run $(PAPER) $(if $(RUNS),--runs $(RUNS)) $(if $(filter-out auto,$(ENGINE)),--engine $(ENGINE))
+paper: setup build ## Run or reuse a paper's experiments and write its page: [PAPER=dynnetslam] [RUNS=plan] [ENGINE=virtual] [BUDGET=2h] [PART=1/3]
+	@$(SUDO) $(SLAMBED) papers run $(PAPER) $(if $(RUNS),--runs $(RUNS)) $(if $(filter-out auto,$(ENGINE)),--engine $(ENGINE)) $(if $(BUDGET),--budget $(BUDGET)) $(if $(PART),--part $(PART))
+
+kept: setup ## Show the papers' pages of the runs that the repository keeps; runs nothing
+	@$(SLAMBED) papers kept
 
 plots: setup ## Draw all reports again without running anything
 	@$(SLAMBED) report all

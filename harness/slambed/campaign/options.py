@@ -3,8 +3,12 @@
 
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from slambed.campaign.runner import DEFAULT_RETRIES
+
+if TYPE_CHECKING:
+    from slambed.campaign.overall import Overall
 
 
 @dataclass
@@ -40,5 +44,9 @@ class Options:
     """Continues the campaign after runs without a result."""
     dry_run: bool = False
     """Shows what would be executed without executing anything."""
+    part: tuple[int, int] | None = None
+    """(i, n): only the runs of part i of n, where several machines share a campaign."""
+    overall: "Overall | None" = None
+    """Account of the campaign that this experiment is part of."""
     plans: dict[str, dict[str, str]] = field(default_factory=dict)
     """Current plans of the papers, for the manifests."""

@@ -18,7 +18,7 @@ from slambed.campaign.size import keys_of, plans
 from slambed.campaign.store import STORE, RunStore
 from slambed.errors import SlambedError, environment_error
 from slambed.files.atomic import replacing
-from slambed.files.json_file import object_of
+from slambed.files.json_file import object_of, read_object
 
 NEEDED = ("manifest.json", "summary.json")
 """Files that prove that a run exists and hold all its metrics."""
@@ -83,6 +83,36 @@ def unpack(file: Path, results: Path) -> tuple[int, int]:
                 (results / name / STORE).mkdir(exist_ok=True)
                 ResultFolder(results / name).show(keys)
     return found, new
+
+
+def extract(file: Path, folder: Path) -> int:
+    """Extracts a packed file to look at, into a folder that no campaign uses; returns the number of
+    runs.
+
+    It is quicker than `unpack`, because nothing is synced to disk run by run. Raises SlambedError
+    as `unpack` does.
+    """
+    runs = 0
+    experiments = []
+    try:
+        for place, files in _members(file):
+            runs += place.parts[0] == STORE
+            if place.parts[0] != STORE:
+                _must_be_whole(files, place, file)
+                experiments.append(folder / place)
+            for path, content in files.items():
+                target = folder / place / path
+                target.parent.mkdir(parents=True, exist_ok=True)
+                target.write_bytes(content)
+        for experiment in experiments:
+            keys = keys_of(read_object(experiment / "experiment.json")) or set()
+            (experiment / STORE).mkdir(exist_ok=True)
+            for key in sorted(keys):
+                if (folder / STORE / key).is_dir():
+                    (experiment / STORE / key).symlink_to(Path("..") / ".." / STORE / key)
+    except OSError as error:
+        raise environment_error(f"cannot extract {file}: {error.strerror}, {folder}") from None
+    return runs
 
 
 def _files(run: Path, whole: bool) -> list[Path]:

@@ -14,11 +14,21 @@ from slambed.spec.library import Library
 from slambed.spec.software import host_software
 
 
-def plan_as_it_is(experiment: Experiment, source: YamlSource, library: Library) -> Plan:
-    """Raises SlambedError for a mistake in the file, for a missing input that the run keys
-    depend on, and for an engine that this host refuses."""
-    asked = experiment.engine
-    count = repetitions(experiment, None)
+def plan_as_it_is(
+    experiment: Experiment,
+    source: YamlSource,
+    library: Library,
+    engine: str | None = None,
+    runs: int | None = None,
+) -> Plan:
+    """Returns the plan with the experiment's own engine and number of runs per cell, or those
+    given.
+
+    Raises SlambedError for a mistake in the file, for a missing input that the run keys depend on,
+    and for an engine that this host refuses.
+    """
+    asked = engine or experiment.engine
+    count = repetitions(experiment, runs)
     files = (experiment, source, library, check(experiment, source, library, asked))
     for name in experiment.datasets:
         if must_be_made(name):

@@ -16,10 +16,11 @@ from slambed.campaign.folder import ResultFolder
 from slambed.campaign.host_executor import HostExecutor
 from slambed.campaign.ledger import Ledger
 from slambed.campaign.options import Options
-from slambed.campaign.order import interleaved
+from slambed.campaign.order import in_part, interleaved
 from slambed.campaign.plan import Plan, experiment_json, notes
 from slambed.campaign.preview import chosen, preview
 from slambed.campaign.progress import CampaignProgress, duration
+from slambed.campaign.run_estimate import expected_run_s
 from slambed.campaign.runner import CampaignOutcome, Runner
 from slambed.campaign.runs_beyond_plan import valid_repetitions
 from slambed.engines.host_lock import host_lock
@@ -30,11 +31,6 @@ from slambed.metrics.collect import keep_groundtruth
 from slambed.spec.device import VIRTUAL
 from slambed.spec.library import Library
 from slambed.spec.run_spec import RunSpec
-
-# Time for containers, link and start signal, besides the played time.
-OVERHEAD_S = 3.0
-# Typical duration of a virtual run as a share of the played time; first guess for the ETA.
-VIRTUAL_SHARE = 0.1
 
 
 def run_plan(
@@ -100,7 +96,7 @@ def _fill(
     experiment, engine = plan.experiment, plan.circumstances.engine
     ledger = Ledger(folder.path / "ledger.jsonl")
     ordered = interleaved(plan.specs, experiment.seed)
-    wanted = {spec.run_key for spec in chosen(ordered, options.only)}
+    wanted = _wanted(ordered, options)
     forced = _forced(ordered, options)
     todo = _todo(ordered, folder, options)
     before = object_or_empty(folder.path / "experiment.json")
@@ -121,10 +117,15 @@ def _fill(
         + (f"{len(ordered) - len(wanted)} not asked for, " if len(wanted) < len(ordered) else "")
         + f"engine {engine}, about {duration(run_s * len(todo) / executor.jobs)}",
     )
-    with CampaignProgress(console, len(todo), run_s, executor.jobs) as progress:
+    overall = options.overall
+    if overall is not None:
+        overall.begin(experiment.id, len(wanted) - len(todo), len(todo), executor.jobs)
+    with CampaignProgress(console, len(todo), run_s, executor.jobs, overall) as progress:
         runner = Runner(
             folder, ledger, executor, options.retries, forced, options.keep_going, options.plans
         )
+        if overall is not None:
+            runner.may_start = lambda: not overall.is_used_up
         if isinstance(executor, HostExecutor):
             runner.places = executor
         verdict = runner.run(todo, progress)
@@ -135,7 +136,7 @@ def _fill(
 
 def _todo(specs: list[RunSpec], folder: ResultFolder, options: Options) -> list[RunSpec]:
     """Returns the runs to execute, in order."""
-    wanted = {spec.run_key for spec in chosen(specs, options.only)}
+    wanted = _wanted(specs, options)
     forced, kept = _forced(specs, options), _kept(options)
     return [
         spec
@@ -143,6 +144,12 @@ def _todo(specs: list[RunSpec], folder: ResultFolder, options: Options) -> list[
         if spec.run_key in wanted
         and (spec.run_key in forced or folder.state(spec.run_key) not in kept)
     ]
+
+
+def _wanted(specs: list[RunSpec], options: Options) -> set[str]:
+    """Returns the keys of the runs that were asked for on this machine."""
+    keys = (spec.run_key for spec in chosen(specs, options.only))
+    return {key for key in keys if in_part(key, options.part)}
 
 
 def is_idle(plan: Plan, options: Options) -> bool:
@@ -163,13 +170,6 @@ def _kept(options: Options) -> tuple[str, ...]:
 
 def _is_virtual(plan: Plan) -> bool:
     return plan.circumstances.engine == VIRTUAL
-
-
-def expected_run_s(plan: Plan) -> float:
-    """Returns a first estimate of a run's duration."""
-    playback = plan.experiment.playback
-    longest_s = max(sequence.played_s(playback) for sequence in plan.sequences.values())
-    return longest_s * VIRTUAL_SHARE if _is_virtual(plan) else longest_s + OVERHEAD_S
 
 
 def print_to(console: Console, line: str) -> None:

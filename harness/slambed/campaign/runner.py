@@ -4,7 +4,7 @@
 import os
 import signal
 import threading
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from dataclasses import dataclass, field
@@ -68,6 +68,8 @@ class Runner:
     """Never ends the campaign because of runs without a result."""
     plans: dict[str, dict[str, str]] = field(default_factory=dict)
     """Paper -> digests of its registered plan at the start of this campaign, for the manifests."""
+    may_start: Callable[[], bool] = lambda: True
+    """Whether another run may be started; runs under way end as usual."""
     pauses_s: tuple[float, ...] = PAUSES_S
     places: Places = field(default_factory=AnyPlace)
     _verdict: CampaignOutcome = field(default_factory=CampaignOutcome)
@@ -120,6 +122,8 @@ class Runner:
                 backlog.put_back(item, pause_s)
 
     def _take(self, backlog: Backlog, stop: threading.Event) -> Item | None:
+        if not self.may_start():
+            return None
         try:
             return backlog.take(stop, self.places.claim)
         except BaseException:

@@ -1,15 +1,26 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Commands about published numbers: papers compare, run, list, counts, lint, plan, power, rates."""
+"""Commands about published numbers: papers compare, kept, run, counts, list, lint, plan, power,
+rates."""
 
+import sys
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from slambed.errors import ExitCode, SlambedError
+from slambed.failures import INTERRUPTED
 from slambed.terminal import RESULTS, JsonOption, ResultsOption, print_json
 
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from slambed.papers.published import Paper
+    from slambed.report.load import Results
+
 PAGES = "papers"
+COMPARE = "slambed papers compare"
+KEPT = "slambed papers kept"
 ABOUT = "Published numbers beside ours; alone it is `papers compare` of all."
 app = typer.Typer(help=ABOUT)
 
@@ -37,37 +48,91 @@ def compare(
 
 
 @app.command()
+def kept(
+    names: Annotated[
+        list[str] | None, typer.Argument(help="Names in papers/; all if none.")
+    ] = None,
+    out: Annotated[Path, typer.Option(help="Where the pages and the extracted runs go.")] = RESULTS
+    / PAGES
+    / "kept",
+) -> None:
+    """Write the pages of the kept runs, papers/NAME/runs.tar.xz, without running anything."""
+    from slambed.files.outputs import make_folder
+    from slambed.papers.kept import KEPT_FILE, kept_file, read_kept
+    from slambed.papers.published import read_papers
+
+    chosen = [paper for paper in read_papers(names or None) if paper.kind == "paper"]
+    if not chosen:
+        raise SlambedError(f"{', '.join(names or [])}: no paper, so no runs are kept")
+    make_folder(out, "--out")
+    runs = {
+        paper.id: read_kept(archive, out / "runs" / paper.id)
+        for paper in chosen
+        if (archive := kept_file(paper.id)) is not None
+    }
+    write_all(chosen, lambda paper: runs.get(paper, []), out, every=False, made_by=KEPT)
+    for paper in chosen:
+        if paper.id not in runs:
+            typer.echo(f"{paper.id}: no runs are kept, papers/{paper.id}/{KEPT_FILE} is missing")
+
+
+@app.command()
 def run(
     name: Annotated[str, typer.Argument(help="A name in papers/, or 'all'.")] = "all",
     results: ResultsOption = RESULTS,
-    runs: Annotated[str | None, typer.Option(help="Runs per cell: a number, 'paper'.")] = None,
+    runs: Annotated[
+        str | None,
+        typer.Option(help="Runs per cell: a number, 'paper', or 'plan' (papers/NAME/plan.yaml)."),
+    ] = None,
     engine: Annotated[str | None, typer.Option(help="docker, local, virtual or auto.")] = None,
     jobs: Annotated[
         int | None, typer.Option(min=1, help="Virtual runs at a time; all CPUs if not given.")
     ] = None,
+    budget: Annotated[
+        str | None, typer.Option(help="Start no run after this time: 2h, 90min, 1h30min.")
+    ] = None,
+    part: Annotated[
+        str | None, typer.Option(help="Only part I/N of the runs, with N machines at work.")
+    ] = None,
+    scheduler: Annotated[
+        str | None,
+        typer.Option(help="Make virtual runs on the workers of this Dask scheduler: tcp://..."),
+    ] = None,
+    slurm: Annotated[
+        bool, typer.Option("--slurm", help="Make virtual runs in --jobs Slurm jobs.")
+    ] = False,
     reuse_only: Annotated[bool, typer.Option("--reuse-only", help="Run nothing.")] = False,
 ) -> None:
-    """Run or reuse every experiment of a paper and write one page about it."""
-    from slambed.commands.run_and_report import raise_unless_good, run_and_report
+    """Run or reuse every experiment of a paper, main claims first, and write one page about it."""
+    from slambed.campaign.options import Options
+    from slambed.campaign.order import part_of
+    from slambed.campaign.overall import budget_s
     from slambed.papers.published import read_papers
-    from slambed.terminal import console
 
     chosen = read_papers(None if name == "all" else [name])
-    verdicts = []
-    if not reuse_only:
-        from slambed.campaign.options import Options
-        from slambed.papers.paper_runs import experiments_of
+    pages = [paper.id for paper in chosen]
+    seconds = None if budget is None else budget_s(budget)
+    share = None if part is None else part_of(part)
+    if reuse_only:
+        write_pages(pages, results, results / PAGES, every=False)
+        return
+    from slambed.commands.papers_run import play, raise_unless_done
+    from slambed.files.outputs import make_folder
 
-        for experiment in experiments_of(chosen):
-            options = Options(runs, engine, results, jobs=jobs)
-            verdicts.append(run_and_report(experiment, options, console()))
-            if verdicts[-1].interrupted:
-                raise SlambedError(
-                    "interrupted; finished runs are kept, the same command goes on",
-                    ExitCode.NOT_ALL_GOOD,
-                )
-    write_pages([p.id for p in chosen], results, results / PAGES, every=False)
-    raise_unless_good(verdicts, "EXPERIMENT")
+    make_folder(results, "--results")
+    options = Options(
+        runs, engine, results, jobs=jobs, scheduler=scheduler, slurm=slurm, part=share
+    )
+    played = play(chosen, options, seconds)
+    if played.interrupted:
+        again = " ".join(["slambed", *sys.argv[1:]])
+        typer.echo(
+            f"interrupted; finished runs are kept, {played.left_words}; go on with: {again}",
+            err=True,
+        )
+        raise typer.Exit(INTERRUPTED)
+    write_pages(pages, results, results / PAGES, every=False)
+    raise_unless_done(played)
 
 
 @app.command()
@@ -222,22 +287,37 @@ def write_pages(names: list[str] | None, results: Path, out: Path, every: bool) 
     """Writes one page per paper and an overview, and prints a summary of each."""
     from slambed.commands.results_folders import result_folders
     from slambed.files.outputs import make_folder
-    from slambed.papers.compare import comparison_table
-    from slambed.papers.cross_page import ALL_SYSTEMS, write_cross_page
-    from slambed.papers.paper_page import write_overview, write_paper_page
     from slambed.papers.published import read_papers
     from slambed.report.load import load
-    from slambed.terminal import console
 
     chosen = read_papers(names)
     if not results.is_dir():
         raise SlambedError(f"no such folder: {results}; give the right --results")
     make_folder(out, "--results" if out == results / PAGES else "--out")
-    screen = console()
     experiments = [load(folder) for folder in result_folders(results)]
+    write_all(chosen, lambda paper: experiments, out, every)
+
+
+def write_all(
+    papers: "list[Paper]",
+    runs_of: "Callable[[str], list[Results]]",
+    out: Path,
+    every: bool,
+    made_by: str = COMPARE,
+) -> None:
+    """Writes one page per paper, from the experiments that `runs_of` returns for its id."""
+    from slambed.papers.compare import comparison_table
+    from slambed.papers.cross_page import ALL_SYSTEMS, write_cross_page
+    from slambed.papers.paper_page import write_overview, write_paper_page
+    from slambed.terminal import console
+
+    screen = console()
     pages = []
-    for item in chosen:
-        page = write_paper_page(item, experiments, out, overview=len(chosen) > 1)
+    pooled: dict[str, Results] = {}
+    for item in papers:
+        experiments = runs_of(item.id)
+        pooled |= {results.name: results for results in experiments}
+        page = write_paper_page(item, experiments, out, len(papers) > 1, made_by)
         for line in page.lines:
             screen.print(line, highlight=False, soft_wrap=True)
         verdicts = page.verdicts
@@ -247,6 +327,7 @@ def write_pages(names: list[str] | None, results: Path, out: Path, every: bool) 
         screen.print(f"page: {page.html}", highlight=False, soft_wrap=True)
         pages += [verdicts] if verdicts is not None else []
     if len(pages) > 1:
+        experiments = list(pooled.values())
         compared = [write_cross_page(r, out) for r in experiments if r.name == ALL_SYSTEMS]
         systems = next((page.name for page in compared if page is not None), "")
         if systems:

@@ -56,7 +56,10 @@ def prune(
 
 @app.command("pack")
 def pack_command(
-    names: Annotated[list[str], typer.Argument(help="Experiments whose runs go into it.")],
+    names: Annotated[
+        list[str] | None, typer.Argument(help="Experiments whose runs go into it; all if none.")
+    ] = None,
+    *,
     output: Annotated[Path, typer.Option("--output", "-o", help="File to write (.tar.xz).")],
     whole: Annotated[
         bool, typer.Option("--whole", help="With events, samples and paths, not numbers only.")
@@ -65,8 +68,10 @@ def pack_command(
 ) -> None:
     """Write the valid runs of experiments into one small file: results and conditions."""
     from slambed.campaign.pack import pack
+    from slambed.campaign.size import plans
 
-    runs, size = pack(results, names, output, whole)
+    _must_be_there(results)
+    runs, size = pack(results, names or [name for name, _ in plans(results)], output, whole)
     typer.echo(f"{output}: {runs} runs, {size / 1e6:.2f} MB")
 
 

@@ -12,8 +12,8 @@ import pandas as pd
 from rich.console import Console
 
 from slambed.campaign.plan import Plan
+from slambed.campaign.run_estimate import expected_run_s
 from slambed.campaign.run_experiment import plan_virtually
-from slambed.campaign.run_plan import expected_run_s
 from slambed.files.yaml_source import YamlSource
 from slambed.infer.inference_plan import YAML, Inference
 from slambed.link.named_profile import read_profile

@@ -59,10 +59,14 @@ class PaperPage:
 
 
 def write_paper_page(
-    paper: Paper, experiments: list[Results], folder: Path, overview: bool = False
+    paper: Paper,
+    experiments: list[Results],
+    folder: Path,
+    overview: bool = False,
+    command: str = "slambed papers compare",
 ) -> PaperPage:
     """Writes `<folder>/<paper id>/index.html`, page.md and tables; with `overview` the page links
-    to the overview, which is written too."""
+    to the overview, which is written too. `command`: what the page says it was made by."""
     target = folder / paper.id
     target.mkdir(parents=True, exist_ok=True)
     pool = pool_of(experiments)
@@ -73,7 +77,11 @@ def write_paper_page(
     html.write_text(
         environment()
         .get_template("paper.html.j2")
-        .render(_content(verdicts, experiments, target), overview=overview),
+        .render(
+            _content(verdicts, experiments, target),
+            overview=overview,
+            command=f"{command} {paper.id}",
+        ),
         encoding="utf-8",
     )
     tables = [table for column in verdicts.columns for table in _tables(verdicts, column)]
@@ -122,7 +130,7 @@ def _look() -> dict[str, Any]:
 
 
 def _content(verdicts: PaperVerdicts, experiments: list[Results], target: Path) -> dict[str, Any]:
-    links = {r.name: _relative(r.folder / "report" / "index.html", target) for r in experiments}
+    links = {r.name: _relative(_report_of(r), target) for r in experiments}
     folders = {r.name: r.folder for r in experiments}
     columns = []
     for c in verdicts.columns:
@@ -143,7 +151,6 @@ def _content(verdicts: PaperVerdicts, experiments: list[Results], target: Path) 
     return _look() | {
         "paper": verdicts.paper,
         "columns": columns,
-        "command": f"slambed papers compare {verdicts.paper.id}",
         "claims": claims_per_engine(verdicts.columns, verdicts.paper),
         "definitions": definitions(verdicts.columns),
         "twins": [twin(verdicts, t) for t in verdicts.paper.tables],
@@ -157,6 +164,13 @@ def _content(verdicts: PaperVerdicts, experiments: list[Results], target: Path) 
         ],
         "margins": [_margin_words(name, m) for name, m in verdicts.paper.margins.items()],
     }
+
+
+def _report_of(results: Results) -> Path:
+    """Returns an experiment's report, or what was run if none was written, as for kept runs."""
+    report = results.folder / "report" / "index.html"
+    run = results.folder / "experiment.json"
+    return run if run.is_file() and not report.is_file() else report
 
 
 def _margin_words(name: str, margin: Any) -> str:

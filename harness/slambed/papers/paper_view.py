@@ -16,7 +16,9 @@ from slambed.papers.codes import spelled
 from slambed.papers.compare import Column, PaperVerdicts
 from slambed.papers.fitted import OWN_DATA, SET_TO_MATCH
 from slambed.papers.judged import MARKS, Judged, Mark
+from slambed.papers.kept import no_runs_words
 from slambed.papers.orderings import JudgedOrdering, outcome_of
+from slambed.papers.origin import origin_words
 from slambed.papers.paper_claims import claim_lines
 from slambed.papers.paper_runs import experiments_of
 from slambed.papers.published import Paper, PublishedTable
@@ -306,25 +308,23 @@ def circumstance(
     verdicts: PaperVerdicts, column: Column, experiments: list[Results]
 ) -> Circumstance:
     """Returns engine, devices, commit, seeds, plan and runs per number."""
+    paper = verdicts.paper
     used = [r for r in experiments if r.name in _experiments(column)]
     commits = sorted({c[:7] for r in used for c in r.facts.get("commit", {})})
-    dirty = any("True" in r.facts.get("dirty", {}) for r in used)
     counts = [_runs_of(r) for r in column.rows.values() if r.measured.there]
-    parts = [
-        RUNS_WORDS.get(column.engine, f"{column.engine} runs") if column.engine else "no runs yet"
-    ]
+    engine = column.engine
+    parts = [RUNS_WORDS.get(engine, f"{engine} runs") if engine else no_runs_words(paper.id)]
     if column.fits:
         parts.append(f"devices fitted ({', '.join(f.name for f in column.fits)})")
-    if commits:
-        parts.append(f"commit {', '.join(commits[:3])}{'+' if dirty else ''}")
+    parts += origin_words(used)
     if counts:
         span = f"{min(counts)}" if min(counts) == max(counts) else f"{min(counts)} to {max(counts)}"
         parts.append(f"{span} runs per number")
-    plan = read_plan(verdicts.paper.id)
-    lines = plan_lines(verdicts.paper, plan, column, used)
-    parts.append(plan_words(lines, plan, bool(column.engine)))
+    plan = read_plan(paper.id)
+    lines = plan_lines(paper, plan, column, used)
+    parts.append(plan_words(lines, plan, bool(engine)))
     return Circumstance(
-        column.engine,
+        engine,
         ", ".join(parts),
         commits,
         {r.name: _seeds(r) for r in used},
