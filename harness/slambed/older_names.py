@@ -88,6 +88,23 @@ def event_today(event: dict[str, Any]) -> dict[str, Any]:
     return event
 
 
+def events_of_today(events: list[dict[str, Any]]) -> list[dict[str, Any]]:
+    """Returns the events under today's names. The usual log without former names is recognized as
+    a whole, which is quicker than event by event."""
+    keys = set().union(*events)
+    try:
+        renamed = not FIELDS.keys().isdisjoint(keys) or any(
+            not names.keys().isdisjoint(map(str, {event.get(field) for event in events}))
+            for field, names in OF_VALUES.items()
+            if field in keys
+        )
+    except TypeError:
+        renamed = True  # a value of a wrong type, such as a list
+    if not renamed:
+        return events
+    return [event_today(event) for event in events]
+
+
 def types_then(types: Collection[str]) -> list[str]:
     """Returns the event types and their former names, to look up in a stored table."""
     return [*types, *(old for old, new in EVENTS.items() if new in types)]

@@ -2,7 +2,8 @@
 """The data of one run for its metrics, from its raw folder or stored result; loaded lazily."""
 
 from dataclasses import dataclass, field
-from functools import cached_property
+from functools import cached_property, lru_cache
+from math import fsum
 from pathlib import Path
 from typing import Any
 
@@ -275,7 +276,7 @@ class RunData:
         """Errors of the final and of the live path."""
         if self.truth_file is None:
             return Accuracy()
-        truth = read_tum(self.truth_file)
+        truth = self._truth
         # The scale of a monocular system is unobservable, so its path is aligned with Sim3 and
         # marked.
         free_scale = self.sensor == "mono"
@@ -347,8 +348,8 @@ class RunData:
         if self.truth_file is None or not self.tracking.track_losses:
             return None
         live = self._trajectory("trajectory_live.txt")
-        waits = known_place_times_s(self.log, live, read_tum(self.truth_file))
-        return sum(waits) / len(waits) if waits else None
+        waits = known_place_times_s(self.log, live, self._truth)
+        return fsum(waits) / len(waits) if waits else None
 
     @cached_property
     def sensor(self) -> str | None:
@@ -383,7 +384,23 @@ class RunData:
         return None
 
     def _trajectory(self, name: str) -> Trajectory:
-        """Reads a trajectory of the mobile node; an unreadable one counts as empty."""
+        """Returns a trajectory of the mobile node, read once; an unreadable one counts as empty."""
+        if name not in self._read:
+            self._read[name] = self._read_trajectory(name)
+        return self._read[name]
+
+    @cached_property
+    def _read(self) -> dict[str, Trajectory]:
+        return {}
+
+    @cached_property
+    def _truth(self) -> Trajectory:
+        """The ground truth of a run that has one."""
+        assert self.truth_file is not None
+        status = self.truth_file.stat()
+        return _read_once(self.truth_file, status.st_mtime_ns, status.st_size)
+
+    def _read_trajectory(self, name: str) -> Trajectory:
         for path in (self.folder / "mobile" / name, self.folder / name):
             if path.exists():
                 try:
@@ -392,6 +409,12 @@ class RunData:
                     self.problems.append(str(error))
                     return EMPTY
         return EMPTY
+
+
+@lru_cache(maxsize=4)
+def _read_once(path: Path, mtime_ns: int, size: int) -> Trajectory:
+    """Reads a ground truth, which is the same for all runs of a sequence, once per process."""
+    return read_tum(path)
 
 
 def _figures_in_manifest(proof: LinkProof | None) -> RttFigures | None:

@@ -137,6 +137,29 @@ def find_runs(
     return first or Found(None, "no_data", f"{where.label}: no valid run yet{note}")
 
 
+def find_reference(
+    paper: Paper, runs: pd.DataFrame, system: str, conditions: Mapping[str, Any]
+) -> Found:
+    """Finds the runs of a reference system for a number with these conditions. A condition that the
+    reference does not have, such as a parameter of the other system, does not apply to it."""
+    known = paper.systems.get(system)
+    own = matching(runs, known.match) if known is not None else runs
+    shared = {
+        name: value
+        for name, value in conditions.items()
+        if name == "dataset" or _applies(paper, own, name, value)
+    }
+    return find_runs(paper, runs, system, shared)
+
+
+def _applies(paper: Paper, runs: pd.DataFrame, name: str, value: Any) -> bool:
+    rule = paper.conditions.get(name)
+    if not isinstance(rule, dict):
+        return False
+    columns = [str(rule["column"])] if "column" in rule else rule.get(value, rule.get("*")) or []
+    return all(column in runs and runs[column].notna().any() for column in columns)
+
+
 def _sequences(where: PaperDataset, runs: pd.DataFrame) -> list[tuple[str, pd.DataFrame, bool]]:
     """Returns the sequence itself, then each of its stand-ins, best first."""
     exact = matching(runs, {"dataset": where.match})

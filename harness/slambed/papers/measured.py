@@ -10,7 +10,7 @@ import pandas as pd
 from slambed.metrics.collect import EVENTS
 from slambed.metrics.stages import delays
 from slambed.metrics.tracking import tracking_of
-from slambed.papers.lookup import Found, Pool, find_runs, matching
+from slambed.papers.lookup import Found, Pool, find_reference, find_runs, matching
 from slambed.papers.published import Paper, PaperMetric
 from slambed.papers.reference_runs import reference_errors
 from slambed.papers.verdicts.model import Floats, Mean, Share
@@ -91,7 +91,8 @@ def values_of(
     if metric.reference is None:
         values = _values(pool, runs, metric)
     else:
-        against = find_runs(paper, pool.runs, metric.reference, {"dataset": conditions["dataset"]})
+        same_sequence = pool.runs[pool.runs["dataset"].isin(set(runs["dataset"]))]
+        against = find_reference(paper, same_sequence, metric.reference, conditions)
         if against.runs is None:
             return Measured(against, NOTHING)
         values = reference_errors(pool.results, runs, against.runs)

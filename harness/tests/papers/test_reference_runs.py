@@ -110,3 +110,63 @@ def test_a_published_error_against_a_system_is_measured_against_its_run(
     reported = measure(paper, pool_of([stored]), "rmse", "edge", conditions)
     assert not reported.there
     assert reported.found.reason == "ORB-SLAM2: no valid run yet"
+
+
+def with_cores(paper: Paper) -> Paper:
+    cores = {1: {"device_mobile": "half_core"}, 4: {"device_mobile": "host"}}
+    period = {"column": "params.period_s"}
+    return paper.model_copy(
+        update={"conditions": paper.conditions | {"cores": cores, "period_s": period}}
+    )
+
+
+def both_devices(stored: Results) -> None:
+    """Adds each run once more on another device; the reference there is 5 m off."""
+    own, references = split(stored)
+    first = read_tum(stored.folder / "runs" / references["run_key"].iloc[0] / "trajectory_live.txt")
+    copies = []
+    for runs, offset in ((own, 2.0), (references, 0.0)):
+        for key in runs["run_key"]:
+            other = f"{key}_on_host"
+            (stored.folder / "runs" / other).mkdir()
+            rewrite(stored, key, shifted(first, offset))
+            rewrite(stored, other, shifted(first, 5.0 if offset == 0.0 else offset))
+        copy = stored.runs[stored.runs["run_key"].isin(runs["run_key"])]
+        copies.append(copy.assign(run_key=copy["run_key"] + "_on_host", device_mobile="host"))
+    stored.runs = pd.concat([stored.runs, *copies], ignore_index=True)
+    # Only the offloading system has this parameter.
+    period = np.where(stored.runs["system"].eq("orbslam2"), np.nan, 0.5)
+    stored.runs["params.period_s"] = period
+
+
+def test_the_reference_was_run_under_the_conditions_of_the_number(
+    stored: Results, paper: Paper
+) -> None:
+    both_devices(stored)
+    conditions = {"dataset": "room", "link": "ramp", "period_s": 0.5}
+    for cores, error_cm in ((1, 200.0), (4, 300.0)):
+        asked = conditions | {"cores": cores}
+        found = measure(with_cores(paper), pool_of([stored]), "rmse", "edge", asked)
+        assert found.values == pytest.approx([error_cm])
+
+
+def test_no_reference_of_other_conditions_is_taken_instead(stored: Results, paper: Paper) -> None:
+    both_devices(stored)
+    elsewhere = stored.runs["system"].eq("orbslam2") & stored.runs["device_mobile"].eq("host")
+    stored.runs = stored.runs[~elsewhere]
+    asked = {"dataset": "room", "link": "ramp", "cores": 4}
+    found = measure(with_cores(paper), pool_of([stored]), "rmse", "edge", asked)
+    assert not found.there
+    assert found.found.reason == "ORB-SLAM2: no run with cores = 4"
+
+
+def test_the_reference_is_sought_on_the_sequence_of_the_runs(stored: Results, paper: Paper) -> None:
+    both_devices(stored)
+    room = paper.datasets["room"].model_copy(update={"match": [], "stand_in": ["hall", "room_*"]})
+    paper = with_cores(paper).model_copy(update={"datasets": {"room": room}})
+    hall = stored.runs[stored.runs["system"].eq("orbslam2")]
+    extra = hall.assign(run_key=hall["run_key"] + "_hall", dataset="hall")
+    stored.runs = pd.concat([stored.runs, extra], ignore_index=True)
+    asked = {"dataset": "room", "link": "ramp", "cores": 1}
+    found = measure(paper, pool_of([stored]), "rmse", "edge", asked)
+    assert found.values == pytest.approx([200.0])

@@ -59,7 +59,8 @@ class PaperMetric(Strict):
     only: Match = Field(default_factory=dict)
     """Runs that it can be taken from, in addition to the coordinates."""
     reference: str | None = None
-    """The paper's system whose runs on the same dataset are the reference path."""
+    """The paper's system whose runs are the reference path: on the same sequence, and under those
+    of the number's conditions that it has."""
     statistic: Literal["share", "mean", "median"]
     """What is taken over the runs of a cell."""
     scale: float
