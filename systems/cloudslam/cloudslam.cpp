@@ -41,6 +41,13 @@ RemoteMappingOptions remote_mapping_options(const Parameters& parameters) {
           .codec = message_codec(parameters)};
 }
 
+LocalMapperOptions mapper_options(const Parameters& parameters) {
+  LocalMapperOptions options;
+  const auto most = static_cast<std::size_t>(parameters.integer("bundle_keyframes"));
+  if (most > 0) options.bundle_size = {.moving = most, .fixed = most};
+  return options;
+}
+
 }  // namespace cloudslam
 
 System cloudslam_system() {

@@ -4,6 +4,7 @@
 #include "cloudslam/remote_mapping.hpp"
 #include "cloudslam/strategy.hpp"
 #include "node/policy.hpp"
+#include "slam/local_mapper.hpp"
 
 namespace slambed {
 
@@ -15,6 +16,8 @@ namespace cloudslam {
 
 StrategyOptions strategy_options(const Parameters& parameters);
 RemoteMappingOptions remote_mapping_options(const Parameters& parameters);
+/// Of the vehicle's own mapping.
+LocalMapperOptions mapper_options(const Parameters& parameters);
 
 }  // namespace cloudslam
 }  // namespace slambed

@@ -18,6 +18,7 @@ inline std::vector<ParameterSpec> parameter_specs() {
       ParameterSpec::real("increase", 0, 10),
       ParameterSpec::real("distance_min_m", 0, 10000),
       ParameterSpec::real("distance_max_m", 0, 10000),
+      ParameterSpec::integer("bundle_keyframes", 0, 1000),
       ParameterSpec::real("window_s", 0, 600),
       ParameterSpec::choice("back_propagation", {"graded", "rigid"}),
       ParameterSpec::real("align_rate_hz", 0.1, 100),

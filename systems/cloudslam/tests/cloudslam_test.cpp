@@ -73,6 +73,7 @@ json params(const std::string& strategy) {
           {"increase", 1.01},
           {"distance_min_m", 0.1},
           {"distance_max_m", 500.0},
+          {"bundle_keyframes", 10},
           {"window_s", 2.0},
           {"back_propagation", "graded"},
           {"align_rate_hz", 2.0},
@@ -305,6 +306,25 @@ TEST(CloudSlam, AfterTheTripItsKeyframesJoinTheEarlierOnes) {
   // Keyframes of the archive are not added again; the next trip can use the result.
   EXPECT_EQ(join_trip(*all, places, trip).keyframes, 0u);
   EXPECT_EQ(count(*archive(*all)).keyframes, before + made);
+}
+
+TEST(CloudSlam, TheVehiclesBundlesAreAsSmallAsAskedAndTheTripIsAsRight) {
+  // Observations in all bundles; n1 is above 0 where one begins.
+  const auto observations = [](const PairResult& result) {
+    double sum = 0;
+    for (const json& stage : result.of("stage"))
+      if (stage["name"] == "bundle") sum += stage["n1"].get<double>();
+    return sum;
+  };
+  json parameters = params("none");
+  parameters["bundle_keyframes"] = 0;
+  const PairResult whole = run(parameters);
+  parameters["bundle_keyframes"] = 1;
+  const PairResult small = run(parameters);
+  EXPECT_GT(observations(small), 0);
+  EXPECT_LT(2 * observations(small), observations(whole));
+  EXPECT_LT(worst_error_m(whole), 0.1);
+  EXPECT_LT(worst_error_m(small), 0.1);
 }
 
 TEST(CloudSlam, TheSameSeedGivesTheSameBytes) {

@@ -40,11 +40,17 @@ std::optional<BundleWindow> BundleWindow::around(const Map& map, KeyFrameId keyf
     };
     // Free keyframes come first, newest to oldest.
     std::vector<KeyFrameId> moving{keyframe};
-    const auto takes_part = [&](KeyFrameId id) {
+    std::vector<KeyFrameId> fixed;
+    const auto recent = [&](KeyFrameId id) {
       return view.keyframe(id)->timestamp_s >= limits.since_s;
     };
-    for (const Covisible& near : current->covisibles)
-      if (takes_part(near.id)) moving.push_back(near.id);
+    for (const Covisible& near : current->covisibles) {
+      if (!recent(near.id)) continue;
+      if (!limits.size || moving.size() <= limits.size->moving)
+        moving.push_back(near.id);
+      else if (fixed.size() < limits.size->fixed)
+        fixed.push_back(near.id);
+    }
     std::sort(moving.begin(), moving.end(), std::greater<>());
     for (const KeyFrameId id : moving)
       if (id != view.origin() && id != limits.held &&
@@ -53,6 +59,11 @@ std::optional<BundleWindow> BundleWindow::around(const Map& map, KeyFrameId keyf
     const std::size_t free = window.poses_.size();
     // Fixed keyframes among them come next.
     for (const KeyFrameId id : moving) place_of(id);
+    for (const KeyFrameId id : fixed) place_of(id);
+    const auto takes_part = [&](KeyFrameId id) {
+      if (limits.size) return scratch.keyframes.make(id)->run == run;
+      return recent(id);
+    };
 
     for (const KeyFrameId id : moving) {
       for (const MapPointId point_id : view.keyframe(id)->points) {

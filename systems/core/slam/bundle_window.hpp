@@ -25,6 +25,13 @@ struct BundleLimits {
   double since_s = -std::numeric_limits<double>::infinity();
   KeyFrameId held{};                 ///< fixed in addition to the origin; may be none
   std::optional<IdSpace> movable{};  ///< only keyframes of this module move; nothing: all may
+  /// Best covisibles of the keyframe that may move, and further ones that take part as fixed. Where
+  /// keyframes are dense, a point has tens of observers, which all repeat the same. Nothing: all
+  /// covisibles move, and everybody else who sees their points is fixed, as in ORB-SLAM2.
+  struct Size {
+    std::size_t moving = 0, fixed = 0;
+  };
+  std::optional<Size> size{};
 };
 
 /// The part of the map that a local bundle adjustment moves: a keyframe, its covisibles, and the

@@ -118,8 +118,10 @@ MapDelta LocalMapper::fuse() {
 }
 
 bool LocalMapper::begin_bundle() {
+  BundleLimits limits = impl_->limits;
+  limits.size = impl_->options.bundle_size;
   impl_->window = BundleWindow::around(*impl_->map, impl_->current, impl_->options.bundle,
-                                       impl_->window_scratch, impl_->limits);
+                                       impl_->window_scratch, limits);
   return impl_->window.has_value();
 }
 

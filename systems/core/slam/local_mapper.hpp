@@ -2,6 +2,7 @@
 #pragma once
 
 #include <memory>
+#include <optional>
 
 #include "base/ids.hpp"
 #include "map/map.hpp"
@@ -22,6 +23,7 @@ struct LocalMapperOptions {
   /// Edge-SLAM, ids also count keyframes that were made but never arrived.
   bool ages_by_id = false;
   BundleOptions bundle;
+  std::optional<BundleLimits::Size> bundle_size{};  ///< nothing: as ORB-SLAM2
 
   int neighbors_for(const Sensor& sensor) const {
     return sensor.metric() ? neighbors : neighbors_mono;

@@ -133,6 +133,7 @@ class CloudSlamProgram : public HelpProgram {
                         {"distance_max_m", 500.0},
                         {"window_s", 2.0},
                         {"back_propagation", "graded"},
+                        {"bundle_keyframes", 10},
                         {"align_rate_hz", 2.0},
                         {"align_timeout_s", 5.0},
                         {"prior_map", map},

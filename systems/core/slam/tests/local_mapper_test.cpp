@@ -4,6 +4,8 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
+#include <functional>
 #include <map>
 
 #include "synthetic_scene.hpp"
@@ -195,6 +197,50 @@ TEST_F(MapperTest, BundleMovesPointsAndPosesToTheTruth) {
     return 0;
   });
   EXPECT_TRUE(mapper.finish_bundle().empty()) << "handed out only once";
+}
+
+TEST_F(MapperTest, ABundleOfAGivenSizeHasTheBestCovisiblesOnly) {
+  constexpr std::size_t kMoving = 3, kFixed = 2;
+  LocalMapper whole({}, map, IdSpace::kEdgeMapper);
+  LocalMapper small({.bundle = {}, .bundle_size = BundleLimits::Size{kMoving, kFixed}}, map,
+                    IdSpace::kEdgeMapper);
+  KeyFrameId last{};
+  for (int i = 0; i < 12; ++i) last = add(i * 4, all, {.pixel_noise = 0.3});
+  std::vector<KeyFrameId> moving{last}, part{last};
+  map->read([&](const MapView& view) {
+    const auto& covisibles = view.keyframe(last)->covisibles;
+    EXPECT_GT(covisibles.size(), kMoving + kFixed);
+    for (std::size_t n = 0; n < std::min(kMoving + kFixed, covisibles.size()); ++n) {
+      if (n < kMoving) moving.push_back(covisibles[n].id);
+      part.push_back(covisibles[n].id);
+    }
+    return 0;
+  });
+  const auto bundle = [&](LocalMapper& one) {
+    one.insert(last);
+    EXPECT_TRUE(one.begin_bundle());
+    const std::size_t observations = one.bundle_observations();
+    while (one.step_bundle()) {
+    }
+    return std::make_pair(observations, one.finish_bundle());
+  };
+  const auto [all_observations, all_moved] = bundle(whole);
+  const auto [observations, moved] = bundle(small);
+  EXPECT_LT(observations, all_observations);
+  EXPECT_GT(all_moved.poses.size(), kMoving + 1);
+  std::vector<KeyFrameId> ids;
+  for (const KeyFramePose& pose : moved.poses) {
+    ids.push_back(pose.id);
+    map->read([&](const MapView& view) {
+      EXPECT_LT(center_error(pose.T_cw, view.keyframe(pose.id)->T_cw), 5e-3);
+      return 0;
+    });
+  }
+  std::sort(moving.begin(), moving.end(), std::greater<>());
+  std::erase(moving, kf(1));  // the origin is fixed in any bundle
+  EXPECT_EQ(ids, moving);
+  for (const ObservationEdit& edit : moved.detach)
+    EXPECT_NE(std::find(part.begin(), part.end(), edit.keyframe), part.end());
 }
 
 TEST_F(MapperTest, BundleDetachesWrongMatches) {
