@@ -157,17 +157,31 @@ def _asl(data: dict[str, Any], where: str) -> list[CalibratedCamera]:
 
 
 def _kalibr(data: dict[str, Any], where: str) -> list[CalibratedCamera]:
-    cameras = []
+    cameras: list[CalibratedCamera] = []
+    to_imu_before: Floats | None = None
     for name in sorted(key for key in data if re.fullmatch(r"cam\d+", key)):
         entry, place = data[name], f"{where}: {name}"
         _must_be_pinhole(entry, place)
         lens = _lens(
             entry["intrinsics"], entry["distortion_model"], entry["distortion_coeffs"], place
         )
-        before = entry.get("T_cn_cnm1")
+        before, to_imu = entry.get("T_cn_cnm1"), _camera_to_imu(entry, place)
         pose = None if before is None else _pose(before, f"{place}: T_cn_cnm1")
+        if pose is None and to_imu is not None and to_imu_before is not None:
+            # OpenVINS's camchains have each camera's place on the IMU only.
+            pose = np.linalg.inv(to_imu) @ to_imu_before
+        to_imu_before = to_imu
         cameras.append(CalibratedCamera(_size(*entry["resolution"]), lens, pose))
     return cameras
+
+
+def _camera_to_imu(entry: Mapping[str, Any], place: str) -> Floats | None:
+    """Returns the camera's pose on the IMU, which Kalibr writes as its inverse."""
+    if (given := entry.get("T_imu_cam")) is not None:
+        return _pose(given, f"{place}: T_imu_cam")
+    if (given := entry.get("T_cam_imu")) is not None:
+        return np.asarray(np.linalg.inv(_pose(given, f"{place}: T_cam_imu")))
+    return None
 
 
 _MATRIX = ("camera_matrix", "cameraMatrix", "Camera_Matrix", "K", "M1")

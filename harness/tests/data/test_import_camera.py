@@ -72,6 +72,46 @@ def imported(tmp_path: Path, text: str, number: int = 0, baseline_m: float | Non
     return CameraRecipe(**read_yaml(camera_yaml(file, number, baseline_m)[0])["camera"])
 
 
+ON_THE_IMU = """%YAML:1.0
+
+cam0:
+  {key}: [[0, -1, 0, {x0}], [1, 0, 0, {y0}], [0, 0, 1, 0.01], [0, 0, 0, 1]]
+  cam_overlaps: [1]
+  camera_model: pinhole
+  distortion_coeffs: [-0.28, 0.07, 0.0002, 1.8e-05]
+  distortion_model: radtan
+  intrinsics: [400, 401, 367.2, 248.4] #fu, fv, cu, cv
+  resolution: [752, 480]
+cam1:
+  {key}: [[0, -1, 0, {x1}], [1, 0, 0, {y1}], [0, 0, 1, 0.01], [0, 0, 0, 1]]
+  cam_overlaps: [0]
+  camera_model: pinhole
+  distortion_coeffs: [-0.28, 0.07, 0.0002, 1.8e-05]
+  distortion_model: radtan
+  intrinsics: [400, 401, 367.2, 248.4]
+  resolution: [752, 480]
+"""
+
+
+@pytest.mark.parametrize(
+    "places",
+    [
+        {"key": "T_imu_cam", "x0": -0.02, "y0": -0.06, "x1": -0.02, "y1": 0.05},
+        {"key": "T_cam_imu", "x0": 0.06, "y0": 0.02, "x1": -0.05, "y1": 0.02},
+    ],
+    ids=["OpenVINS", "Kalibr"],
+)
+def test_a_camchain_that_places_its_cameras_on_the_imu(
+    tmp_path: Path, places: dict[str, object]
+) -> None:
+    camera = imported(tmp_path, ON_THE_IMU.format(**places))
+    assert isinstance(camera, CameraRecipe) and camera.bf == pytest.approx(400 * 0.11)
+    # Without its neighbor's place there is no baseline.
+    alone = ON_THE_IMU.format(**places).replace(str(places["key"]), "T_other", 1)
+    camera = imported(tmp_path, alone)
+    assert isinstance(camera, CameraRecipe) and camera.bf == 0
+
+
 def test_a_camchain(tmp_path: Path) -> None:
     first = imported(tmp_path, KALIBR)
     assert first == CameraRecipe(
