@@ -115,7 +115,7 @@ def test_a_page_with_no_results_says_so(client: Client, results: Path) -> None:
 
 def test_cells_and_runs_are_what_the_experiment_has(client: Client, results: Path) -> None:
     page = client.page(EXPERIMENT)
-    runs = re.findall(r'href="runs/([0-9a-f]{16})/"', page)
+    runs = re.findall(r'<td class="word"><a href="runs/([0-9a-f]{16})/"', page)
     assert sorted(runs) == sorted(p.name for p in (results / "invented" / "runs").iterdir())
     reported = text_of(page)
     assert "12 runs, 11 valid" in reported and "An invented experiment" in reported
@@ -136,7 +136,7 @@ def test_cells_and_runs_are_what_the_experiment_has(client: Client, results: Pat
 )  # fmt: skip
 def test_filters_leave_the_runs_asked_for(client: Client, query: str, expected: int) -> None:
     page = client.page(EXPERIMENT + query)
-    assert len(re.findall(r'href="runs/[0-9a-f]{16}/"', page)) == expected
+    assert len(re.findall(r'<td class="word"><a href="runs/[0-9a-f]{16}/"', page)) == expected
     chosen = re.findall(r"<option[^>]* selected>([^<]*)<", page)
     for value in chosen:
         assert value in query.replace("%20", " ")
