@@ -52,9 +52,10 @@ mounts='mount -t proc proc "$0/proc"; mount --rbind /dev "$0/dev"; mount --rbind
 caches=("${CCACHE_DIR:-$HOME/.cache/ccache}" "${PIP_CACHE_DIR:-$HOME/.cache/pip}")
 mkdir -p "${caches[@]}" "$folder/root/.cache/ccache" "$folder/root/.cache/pip"
 mounts+='; mount --bind "$1" "$0/root/.cache/ccache"; mount --bind "$2" "$0/root/.cache/pip"; shift 2'
-# The namespaces take mounts and processes with them when the command ends.
+# The namespaces take mounts and processes with them when the command ends. The last bash stays, because the first process of a
+# namespace must wait for those whose parents are gone.
 exec unshare --mount --pid --fork --kill-child bash -ec "$mounts"'
 root=$0
 exec env -i PATH=/usr/local/sbin:/usr/local/bin:/usr/sbin:/usr/bin:/sbin:/bin HOME=/root LC_ALL=C.UTF-8 CCACHE_NOHASHDIR=1 \
   CCACHE_BASEDIR=/slambed CCACHE_DIR=/root/.cache/ccache PIP_CACHE_DIR=/root/.cache/pip ${CC:+CC="$CC"} ${CXX:+CXX="$CXX"} \
-  chroot "$root" bash -c "cd /slambed && exec \"\$@\"" bash "$@"' "$folder" "${caches[@]}" "$@"
+  chroot "$root" bash -c "cd /slambed && \"\$@\"; exit \$?" bash "$@"' "$folder" "${caches[@]}" "$@"
