@@ -3,7 +3,7 @@
 
 SHELL := /bin/bash
 .DEFAULT_GOAL := help
-.PHONY: help packages setup setup-dev build experiment paper kept plots shell check tidy smoke test test-all test-browser test-asan test-tsan fuzz bench bench-against test-netem data images docs doctor clean
+.PHONY: help packages setup setup-dev build experiment paper kept plots shell check tidy smoke test test-all test-browser test-asan test-tsan fuzz bench bench-against test-netem data images wheel docs doctor clean
 # The Python environment and the C++ programs are built in parallel: one downloads while the other compiles.
 MAKEFLAGS += -j2
 
@@ -108,6 +108,10 @@ data: setup build ## Prepare a sequence: DATASET=quickstart (see 'slambed data l
 
 images: packages ## Build the node image
 	@tools/build.sh docker
+
+wheel: setup-dev ## A wheel with all programs, which installs without a compiler: build/dist
+	@tools/build.sh local
+	@tools/wheel.sh $(BUILD) $(BUILD)/dist
 
 docs: setup-dev ## The documentation as a site, build/site/html; a link that leads nowhere is an error
 	@$(VENV)/python tools/site.py $(BUILD)

@@ -1,11 +1,18 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What pyproject.toml cannot say: a wheel has in slambed/checkout what runs need of a checkout."""
+"""What pyproject.toml cannot say: a wheel has in slambed/checkout what runs need of a checkout.
 
+With SLAMBED_WHEEL_BUILD=FOLDER (tools/wheel.sh) it also has the programs of FOLDER, in
+slambed/checkout/build, and is for one platform.
+"""
+
+import os
+import platform
 import shutil
 import subprocess
 from pathlib import Path
 
-from setuptools import setup
+from setuptools import Distribution, setup
+from setuptools.command.bdist_wheel import bdist_wheel
 from setuptools.command.build_py import build_py
 
 ROOT = Path(__file__).resolve().parent
@@ -18,6 +25,9 @@ KEPT = (
 """What is looked up by name, and the sources of the programs with what builds them."""
 LEFT_OUT = {"tests", "bench", "__pycache__", "bin", "runs.tar.xz"}
 """Folders that no program is built of, and the kept runs of papers, which are large."""
+PROGRAMS = os.environ.get("SLAMBED_WHEEL_BUILD")
+# Debian 12's glibc, the oldest that wheels are tested on. The programs are static and need none.
+PLATFORM = f"manylinux_2_36_{platform.machine()}"
 
 
 def kept_files() -> list[str]:
@@ -58,7 +68,27 @@ class WithCheckout(build_py):
             (target / name).parent.mkdir(parents=True, exist_ok=True)
             shutil.copy(ROOT / name, target / name)
         (target / "commit").write_text(commit())
+        if PROGRAMS:
+            shutil.copytree(PROGRAMS, target / "build")
 
 
+class ForOnePlatform(bdist_wheel):
+    """A wheel with programs, for any Python 3 of this platform."""
+
+    def get_tag(self) -> tuple[str, str, str]:
+        return "py3", "none", PLATFORM
+
+
+class WithPrograms(Distribution):
+    """Its files belong where a platform's packages are."""
+
+    def has_ext_modules(self) -> bool:
+        return True
+
+
+of_wheel = {"cmdclass": {"build_py": WithCheckout}}
+if PROGRAMS:
+    of_wheel["cmdclass"]["bdist_wheel"] = ForOnePlatform
+    of_wheel["distclass"] = WithPrograms
 # build/ is where the C++ programs lie.
-setup(cmdclass={"build_py": WithCheckout}, options={"build": {"build_base": "build/wheel"}})
+setup(**of_wheel, options={"build": {"build_base": "build/wheel"}})

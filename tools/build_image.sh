@@ -20,7 +20,14 @@ if ! docker image inspect "$tag" >/dev/null 2>&1; then
     echo "making image $tag out of build/bin"
     context=$(mktemp -d)
     trap 'rm -rf "$context"' EXIT
-    for program in $programs; do strip -o "$context/$program" "$bin/$program"; done
+    # A machine without a compiler has no strip either; the programs of a wheel are stripped already.
+    for program in $programs; do
+      if command -v strip >/dev/null; then
+        strip -o "$context/$program" "$bin/$program"
+      else
+        cp "$bin/$program" "$context/"
+      fi
+    done
     chmod 755 "$context"/*
     DOCKER_BUILDKIT=0 "${build[@]}" --quiet -f "$root/docker/programs.Dockerfile" "$context"
     exit 0

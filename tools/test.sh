@@ -15,6 +15,9 @@ jobs=$(nproc)
 source tools/steps.sh
 # shellcheck source=tools/environment.sh
 source tools/environment.sh
+if ! git rev-parse --git-dir >/dev/null 2>&1; then
+  echo "note: an archive, or no git here: tests that need the history are left out, and clang-tidy reads all units"
+fi
 if [ -n "$(git status --porcelain 2>/dev/null)" ]; then
   echo "note: this tests the files as they are here: $(git status --porcelain | wc -l) of them are changed and not committed"
 fi

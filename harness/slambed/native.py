@@ -47,11 +47,17 @@ def cache_folder() -> Path:
     return Path(base).expanduser() / "slambed"
 
 
+def brings_programs() -> bool:
+    """Returns whether the package comes from a wheel of `make wheel`, which has the programs."""
+    return is_installed() and (repository_root() / "build" / "bin").is_dir()
+
+
 def build_folder() -> Path:
-    """Returns where programs are compiled: build/ of a checkout; for an installed package, a folder
-    in the cache that is unique to its install path."""
+    """Returns the folder whose bin/ has the programs: build/ of a checkout, or of a wheel that
+    brings them; for any other installed package, a folder in the cache that is unique to its
+    install path."""
     root = repository_root()
-    if not is_installed():
+    if not is_installed() or brings_programs():
         return root / "build"
     return cache_folder() / "programs" / hashlib.sha256(bytes(root)).hexdigest()[:8]
 

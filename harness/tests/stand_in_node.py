@@ -1,7 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """A program with slambed-node's file contract but without SLAM, for tests of the harness.
 
-The parameter `act` selects its behavior: play (default), die, hang, refuse, burn, hungry, threads.
+The parameter `act` selects its behavior: play (default), die, hang, refuse, burn, hungry, threads,
+flood (prints forever), many (leaves many empty files).
 """
 
 import argparse
@@ -66,6 +67,13 @@ def main() -> int:
                 events.write(json.dumps(event) + "\n")
     while act == "hang":
         time.sleep(0.05)
+    while act == "flood" and not stopped:
+        print("x" * 1000, flush=True)
+    if act == "many":
+        for number in range(10_000):
+            (folder / str(number)).touch()
+        while not stopped:
+            time.sleep(0.05)
     node = {"role": arguments.role, "exit_reason": "done", "stopped": stopped}
     (folder / "node.json").write_text(json.dumps(node | {"frames_total": 0, "version": "0"}))
     return 0

@@ -2,8 +2,8 @@
 """A program with slambed-sim's file contract but without SLAM, for tests of campaigns.
 
 Parameters of the run: `sim_sleep_s` (its duration), `sim_until` (a file that it waits for),
-`sim_act`: play (default), die, refuse, hang, burn (computes forever), some (dies for seeds 0, 3 or
-6 modulo 10: three in ten).
+`sim_act`: play (default), die, refuse, hang, burn (computes forever), flood (prints forever), some
+(dies for seeds 0, 3 or 6 modulo 10: three in ten).
 """
 
 import json
@@ -46,6 +46,8 @@ def main() -> int:
         time.sleep(0.05)
     while act == "burn":
         pass
+    while act == "flood":
+        print("x" * 1000)
     node = {"role": "mobile", "exit_reason": "done", "stopped": False}
     (folder / "node.json").write_text(json.dumps(node | {"frames_total": FRAMES, "version": "0"}))
     return 0

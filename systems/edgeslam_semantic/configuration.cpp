@@ -26,7 +26,7 @@ const Configuration& table_row(int row) {
 }
 
 int row_for(std::optional<Duration> delay) {
-  if (!delay) return kRows;
+  if (!delay) return kDefaultRow;
   const auto within = [&](int up_to_ms) { return *delay <= std::chrono::milliseconds(up_to_ms); };
   const auto found = std::find_if(kUpTo_ms.begin(), kUpTo_ms.end(), within);
   return static_cast<int>(found - kUpTo_ms.begin()) + 1;

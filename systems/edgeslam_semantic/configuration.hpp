@@ -18,11 +18,13 @@ struct Configuration {
 };
 
 inline constexpr int kRows = 5;
+/// Row of the paper's defaults, which hold until the link has been measured.
+inline constexpr int kDefaultRow = 3;
 
 /// Returns a row of Table I; rows are numbered from 1 to kRows.
 const Configuration& table_row(int row);
-/// Returns the row for a network delay N: the last one if N is unknown or beyond 300 ms, where the
-/// table ends.
+/// Returns the row for a network delay N: that of the defaults if N is unknown, and the last one
+/// beyond 300 ms, where the table ends.
 int row_for(std::optional<Duration> delay);
 
 /// The input of the keyframe decision (section V). Only tracked frames are counted.

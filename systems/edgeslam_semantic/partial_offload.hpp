@@ -70,7 +70,7 @@ class SemanticMobile final : public MobilePolicy {
   Mailbox<NoMaskMessage> missing_masks_;
   Mailbox<std::uint64_t> refusals_;  ///< sequence numbers of refused uploads
 
-  int row_ = kRows;
+  int row_ = kDefaultRow;
   Configuration configuration_;
   FrameFacts facts_;
   std::map<KeyFrameId, Waiting> waiting_;  ///< uploads that still wait for an answer

@@ -7,6 +7,7 @@ import time
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
+from math import fsum
 from pathlib import Path
 from statistics import mean
 
@@ -127,8 +128,8 @@ def measure_limits(
         engine=engine.name,
         threads=threads,
         asked=expected_cores(limits, threads),
-        cpu=sum(thread["cpu_share"] for thread in per_thread),
-        speed=sum(thread["units_per_s"] for thread in per_thread) / mean([before, after]),
+        cpu=fsum(thread["cpu_share"] for thread in per_thread),
+        speed=fsum(thread["units_per_s"] for thread in per_thread) / mean([before, after]),
         longest_freeze_ms=max(thread["longest_freeze_ms"] for thread in per_thread),
         freezes_over_10_ms=sum(thread["freezes_over_10_ms"] for thread in per_thread),
         metronome=observed.own.metronome_cpu_percent or None,

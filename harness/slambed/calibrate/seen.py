@@ -3,6 +3,7 @@
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from math import fsum
 
 import numpy as np
 
@@ -31,7 +32,7 @@ def look(component: Component, logs: list[EventLog]) -> Seen:
     values: list[float] = []
     for log in logs:
         stages = log.of("stage", node=component.node)
-        busy += sum(e["cpu_ms"] for e in stages if e["name"] in component.stages)
+        busy += fsum(e["cpu_ms"] for e in stages if e["name"] in component.stages)
         fixed += sum(e["name"] == component.fixed_on for e in stages)
         count, found = MEASURES.get(component.measure, _part)(component, log)
         occurrences += count
@@ -39,7 +40,7 @@ def look(component: Component, logs: list[EventLog]) -> Seen:
     if not occurrences or not values:
         raise SlambedError(f"component {component.name} does not occur in the runs of the fit")
     if component.measure in WHOLE:
-        busy = sum(values)
+        busy = fsum(values)
     mean, sd = float(np.mean(values)), float(np.std(values))
     return Seen(mean, sd, busy / occurrences, fixed / occurrences)
 

@@ -28,6 +28,7 @@ from slambed.data.prepared import PreparedSequence
 from slambed.data.trajectory import Trajectory, read_tum
 from slambed.engines.base import NodePlan, last_line
 from slambed.engines.foreign import PLAYER, clients_folder, environment, host_path, player_arguments
+from slambed.engines.python_packages import make_environment, must_have_debian_packages
 from slambed.engines.result import RunResult
 from slambed.errors import SlambedError
 from slambed.files.atomic import replacing
@@ -38,14 +39,16 @@ from slambed.native import find_program
 from slambed.records.run_config import Network, RunConfig
 from slambed.spec.device import Limits
 from slambed.spec.experiment import Playback
+from slambed.spec.inputs import FROM_DATASET, find_input
 from slambed.spec.library import Library
-from slambed.spec.system import Role, System
+from slambed.spec.system import Role, Scalar, System
 
 FRAMES, FPS = 20, 5.0
 STOPPED_AFTER_S = 1.0
 READER_STOPPED_AFTER_S = 0.1
 """Shorter, because a system that reads a folder may finish at any time."""
 STOP_PATIENCE_S, END_PATIENCE_S = 15.0, 30.0
+PRINTED_LINES = 20
 INVERSE_IS_BETTER = 0.5
 """If the inverted path has less than this share of the original error, poses were sent inverted."""
 
@@ -55,6 +58,8 @@ class Checked:
     """The findings, line by line."""
 
     lines: list[tuple[bool, str]] = field(default_factory=list)
+    printed: dict[Role, str] = field(default_factory=dict)
+    """Role -> the last lines that a program printed which failed."""
 
     def report(self, good: bool, line: str) -> bool:
         """Adds a line; returns `good`."""
@@ -105,13 +110,22 @@ class Trial:
             seed=1,
             system=self.system.name,
             variant=variant,
-            params=self.system.for_nodes(self.system.resolve(variant, {})),
+            params=self._params(variant),
             sequence=str(self.sequence),
             playback=Playback(mode="every_frame"),
             network=network,
             output=str(self.run_dir),
             connect_timeout_s=20.0,
         )
+
+    def _params(self, variant: str) -> dict[str, Scalar]:
+        params = self.system.for_nodes(self.system.resolve(variant, {}))
+        for name, value in params.items():
+            # The generated frames have no prior map, and a program takes an empty path for none.
+            if self.system.params[name].type == "path" and value:
+                given = value != FROM_DATASET
+                params[name] = str(find_input(str(value), self.folder)) if given else ""
+        return params
 
     def _start(self, role: Role) -> subprocess.Popen[bytes]:
         plan = NodePlan(
@@ -175,20 +189,35 @@ class Trial:
         """Returns the last log line of a node."""
         return last_line(self._log(role)).removeprefix("error: ")
 
+    def printed(self) -> dict[Role, str]:
+        """Returns the last lines of the log of each node that printed something."""
+        texts = {role: self._log(role).read_text(errors="replace").strip() for role in self.nodes}
+        return {
+            role: "\n".join(text.splitlines()[-PRINTED_LINES:])
+            for role, text in texts.items()
+            if text
+        }
+
     def events(self, role: Role = "mobile") -> list[Event]:
         """Returns the recorded events of a node."""
         path = self.run_dir / role / "events.jsonl"
         return read_jsonl(path)[0] if path.exists() else []
 
 
-def check_system(named: str, library: Library) -> Checked:
-    """Checks a system. Raises SlambedError for an unknown or built-in system."""
+def check_system(named: str, library: Library, notify: Callable[[str], None]) -> Checked:
+    """Checks a system, and installs its Python packages if they are missing. Raises SlambedError
+    for an unknown or built-in system, and for packages that cannot be had."""
     system = library.system(named)
     if system.runtime is None:
         raise SlambedError(f"system {system.name} is built in; only programs of others are checked")
     folder = library.system_file(named).parent
     found = Checked()
     found.report(True, f"system.yaml: {system.name}, {' and '.join(system.roles)}")
+    if (python := system.runtime.python) is not None:
+        must_have_debian_packages(python, folder)
+        installed = make_environment(python, folder, notify)
+        versions = ", ".join(f"{name} {v}" for name, v in installed.versions.items())
+        found.report(True, f"its Python packages are installed: {versions}")
     with tempfile.TemporaryDirectory(prefix="slambed-check-") as place:
         sequence = _generate(system.sensors[0], Path(place) / "sequence")
         reads = system.runtime.reads
@@ -202,6 +231,8 @@ def check_system(named: str, library: Library) -> Checked:
         with trial.started():
             if _begins(trial, found):
                 _plays(trial, found)
+        if not found.good:
+            found.printed = trial.printed()
         again = Trial(system, folder, sequence, Path(place) / "stopped", recording)
         if found.good:
             with again.started():

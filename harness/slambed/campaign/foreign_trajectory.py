@@ -3,6 +3,7 @@
 frames, losses and poses that every system reports."""
 
 import json
+import warnings
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
@@ -11,6 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from slambed.campaign.left_files import must_be_a_file
 from slambed.campaign.recordings import Recording
 from slambed.data.trajectory import Trajectory, read_tum, write_tum
 from slambed.engines.result import RunResult
@@ -32,6 +34,7 @@ def read_poses(path: Path, runtime: Runtime, recording: Recording) -> Trajectory
 
     Raises SlambedError for a missing or malformed file.
     """
+    must_be_a_file(path)
     if runtime.trajectory_format == "tum":
         try:
             poses = read_tum(path)
@@ -42,10 +45,18 @@ def read_poses(path: Path, runtime: Runtime, recording: Recording) -> Trajectory
             raise SlambedError(f"{path.name}: no pose in it; write a line for each tracked frame")
         return poses
     try:
-        rows = np.loadtxt(path, dtype=np.float64, ndmin=2)
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", UserWarning)  # an empty file is refused below
+            rows = np.loadtxt(path, dtype=np.float64, ndmin=2)
     except (OSError, ValueError) as error:
-        raise SlambedError(f"{path.name}: cannot be read as KITTI's poses ({error})") from None
-    if rows.shape != (len(recording.indices), KITTI_NUMBERS) or not np.isfinite(rows).all():
+        reason = str(error).splitlines()[0]
+        raise SlambedError(f"{path.name}: cannot be read as KITTI's poses ({reason})") from None
+    if not rows.size:
+        raise SlambedError(f"{path.name}: no pose in it; write a line for each frame")
+    if not np.isfinite(rows).all():
+        line = int(np.argmin(np.isfinite(rows).all(axis=1))) + 1
+        raise SlambedError(f"{path.name}: the pose of line {line} has nan or inf; write numbers")
+    if rows.shape != (len(recording.indices), KITTI_NUMBERS):
         shape = " x ".join(map(str, rows.shape))
         raise SlambedError(
             f"{path.name}: {shape} numbers; KITTI's poses have no times, so write "
@@ -54,8 +65,9 @@ def read_poses(path: Path, runtime: Runtime, recording: Recording) -> Trajectory
         )
     matrices = rows.reshape(-1, 3, 4)
     rotations = matrices[:, :, :3]
-    off = np.abs(rotations @ rotations.transpose(0, 2, 1) - np.eye(3)).max(axis=(1, 2))
-    wrong = (off > UNIT_TOLERANCE) | (np.linalg.det(rotations) < 0)
+    with np.errstate(all="ignore"):  # numbers too large for a product are no rotation either
+        off = np.abs(rotations @ rotations.transpose(0, 2, 1) - np.eye(3)).max(axis=(1, 2))
+        wrong = ~(off <= UNIT_TOLERANCE) | (np.linalg.det(rotations) < 0)
     if wrong.any():
         raise SlambedError(
             f"{path.name}: the pose of line {int(np.argmax(wrong)) + 1} is no rotation; write "

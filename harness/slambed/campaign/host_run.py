@@ -2,9 +2,11 @@
 """A live run on one of several hosts: the data sent to the worker, and its execution there."""
 
 import hashlib
+import sys
 import tempfile
 import threading
 from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -101,7 +103,8 @@ def foreign_there(experiment: Experiment, software: str) -> dict[str, str]:
     """Returns the tags of systems with their own programs, as installed on the host."""
     (host,) = _HERE
     try:
-        return software_of_foreign(experiment, Library(), host.engine, software)
+        notify = partial(print, file=sys.stderr, flush=True)
+        return software_of_foreign(experiment, Library(), host.engine, software, notify)
     except SlambedError as error:
         raise SlambedError(f"host {host.facts.name}: {error}", error.code) from None
 

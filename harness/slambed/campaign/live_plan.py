@@ -24,10 +24,13 @@ def plan_of(
     provide: Provider,
     notify: Callable[[str], None],
     board: Board | None,
+    make: bool = True,
 ) -> Plan:
-    """Returns the plan of runs on this engine."""
+    """Returns the plan of runs on this engine. With `make`, missing Python packages of systems are
+    installed."""
     experiment, _, library, _ = files
-    foreign = software_of_foreign(experiment, library, engine, software)
+    install = notify if make else None
+    foreign = software_of_foreign(experiment, library, engine, software, install)
     return make_plan(
         *files, engine.name, software, count, provide, foreign=foreign, notify=notify, board=board
     )
@@ -40,13 +43,15 @@ def look_ahead(
     provide: Provider,
     console: Console,
     notify: Callable[[str], None],
+    make: bool = True,
 ) -> Plan:
     """Returns the plan without taking host or board: builds no image and cleans nothing.
-    Sequences and inputs that run keys depend on are created if they are missing."""
+    Sequences, inputs and, with `make`, Python packages that run keys depend on are created if they
+    are missing."""
     engine, software = choose_engine(asked, console, build=None)
     roles = files[0].roles
     board = None if roles is None else look_at_board(roles.mobile)
-    return plan_of(files, engine, software, count, provide, notify, board)
+    return plan_of(files, engine, software, count, provide, notify, board, make)
 
 
 def as_it_is(files: Files, asked: str, count: int) -> Plan:
@@ -60,6 +65,7 @@ def as_it_is(files: Files, asked: str, count: int) -> Plan:
         lambda name: kept_input(name, library).file,
         Console(quiet=True),
         lambda line: None,
+        make=False,
     )
 
 

@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from slambed import __version__
+from slambed.engines.python_packages import find_environment
 from slambed.engines.result import RunResult
 from slambed.files.json_file import read_object
 from slambed.native import is_installed, repository_root
@@ -65,9 +66,18 @@ def manifest(
         load_1min=load_1min,
         started_utc=started_utc,
         versions=versions(),
+        **packages_of(spec),
         attempt=attempt,
         frames_offered=frames_offered,
     )
+
+
+def packages_of(spec: RunSpec) -> dict[str, Any]:
+    """Returns the installed Python packages of a run's system; nothing if it names none."""
+    if spec.runtime is None or spec.runtime.python is None:
+        return {}
+    installed = find_environment(spec.runtime.python, Path(spec.system_folder))
+    return {"python_packages": installed.versions}
 
 
 def of_board(board: BoardFacts | None) -> dict[str, Any]:

@@ -27,7 +27,7 @@ from slambed.link.named_profile import adds_nothing, backend_for, read_profile
 from slambed.spec import inputs
 from slambed.spec.board import NETWORK, Board
 from slambed.spec.device import LOCAL, VIRTUAL
-from slambed.spec.experiment import Experiment, Playback, assumed, has_cuts
+from slambed.spec.experiment import Experiment, Playback, SystemChoice, assumed, has_cuts
 from slambed.spec.host_speed import load_host_speed
 from slambed.spec.library import Library
 from slambed.spec.masks import MasksAsked
@@ -198,7 +198,8 @@ def _expand_unprepared(
     engine = engine if engine in (LOCAL, VIRTUAL) else ""
     maps = {name: prior_map_of(name) for name in experiment.datasets if wants_maps(experiment)}
     prior = {name: (made, made) for name, made in maps.items() if made is not None}
-    host = Circumstances(engine, anyhow, "", nowhere, prior_maps=prior, played_s=played_s)
+    playbacks = {name: known.playback(experiment.playback) for name, known in kept.items()}
+    host = Circumstances(engine, anyhow, "", nowhere, played_s, playbacks, prior)
     return expand(experiment, source, library, profiles, host, runs=1)
 
 
@@ -218,7 +219,7 @@ def _check_sensor(
     """Checks that every system supports the sensor of the dataset."""
     for choice in experiment.systems:
         sensors = library.system(choice.system).sensors
-        if sensor not in sensors:
+        if sensor not in sensors and experiment.datasets[index] in experiment.datasets_of(choice):
             raise source.complaint(
                 f"dataset {experiment.datasets[index]} is {sensor}, system {choice.system} plays "
                 + " and ".join(sensors),
@@ -288,7 +289,8 @@ def make_plan(
             prior[by_id[sequence.id]] = (str(made), inputs.sha256_of(made))
         if judged and sequence.reference:
             references[by_id[sequence.id]] = str(provide(sequence.reference))
-    by_name = {by_id[sequence.id]: sequence for sequence in sequences.values()}
+    segmented = datasets_with_masks(experiment, library)
+    by_name = {by_id[s.id]: s for s in sequences.values() if by_id[s.id] in segmented}
     wanted = masks_asked(experiment, library)
     masks = (
         make_masks(wanted, by_name, notify) if engine == VIRTUAL else networks_of(wanted, by_name)
@@ -316,12 +318,25 @@ def masks_asked(experiment: Experiment, library: Library) -> list[MasksAsked]:
     """Returns the distinct segmentation settings of the experiment's systems."""
     found: dict[MasksAsked, None] = {}
     for choice in experiment.systems:
-        system = library.system(choice.system)
-        params = system.resolve(system.choose_variant(choice.variant), choice.params)
-        asked = MasksAsked.of(system, params, choice.label or choice.variant or "")
-        if asked is not None:
-            found |= dict.fromkeys(asked.with_table(params))
+        found |= dict.fromkeys(_masks_of(choice, library))
     return list(found)
+
+
+def datasets_with_masks(experiment: Experiment, library: Library) -> set[str]:
+    """Returns the datasets that a system with segmentation plays."""
+    return {
+        name
+        for choice in experiment.systems
+        if _masks_of(choice, library)
+        for name in experiment.datasets_of(choice)
+    }
+
+
+def _masks_of(choice: SystemChoice, library: Library) -> list[MasksAsked]:
+    system = library.system(choice.system)
+    params = system.resolve(system.choose_variant(choice.variant), choice.params)
+    asked = MasksAsked.of(system, params, choice.label or choice.variant or "")
+    return [] if asked is None else asked.with_table(params)
 
 
 def experiment_json(

@@ -10,6 +10,7 @@ from pathlib import Path
 
 from slambed.campaign.foreign_trajectory import record_poses
 from slambed.campaign.ledger import utc_now
+from slambed.campaign.left_files import judge_files, judge_paths
 from slambed.campaign.manifest import manifest
 from slambed.campaign.recordings import Recording, played_frames
 from slambed.data.prepared import SEQUENCE_FILE, PreparedSequence
@@ -54,9 +55,11 @@ def add_summary(
 
     `engine` holds the engine's own facts, `command` the user's command line. Returns the summary.
     """
+    result = judge_files(result, raw)
     if spec.runtime is not None and spec.runtime.reads is not None:
         recording = recording_of(spec, sequence)
         result = record_poses(result, spec.runtime, recording, raw)
+    result = judge_paths(result, raw)
     offered = frames_offered(spec, sequence)
     facts = manifest(spec, engine, command, result, start.utc, start.load, attempt, offered)
     truth = sequence / "groundtruth.txt"

@@ -9,6 +9,7 @@ from pathlib import Path
 
 from slambed.campaign.campaign_state import InHand
 from slambed.campaign.growing_file import GrowingFile
+from slambed.campaign.recent import Recent
 from slambed.metrics.events import Event
 
 MEAN_S = 1.0
@@ -51,6 +52,9 @@ class Playing:
     rtt_ms: float | None = None
     """Last value known to the mobile node."""
     nodes: dict[str, NodeUse] = field(default_factory=dict)
+    recent: dict[str, list[float | None]] = field(default_factory=dict)
+    """Means over each of the last seconds, None for one without: `rtt_ms`, `track_ms`, and CPU use
+    in percent of a core under the names of the nodes."""
 
 
 class RunFollower:
@@ -67,6 +71,7 @@ class RunFollower:
         self._state: str | None = None
         self._node_state: str | None = None
         self._rtt_ms: float | None = None
+        self._recent: dict[str, Recent] = {}
 
     def look(self, now_s: float | None = None) -> Playing:
         """Returns the current progress."""
@@ -75,6 +80,8 @@ class RunFollower:
         for sample in self._samples.new():
             if isinstance(sample.get("t_s"), int | float):
                 self._last.append(sample)
+                self._keep(str(sample.get("node")), sample["t_s"], sample.get("cpu_percent"))
+                self._keep("rtt_ms", sample["t_s"], sample.get("tcp_rtt_ms"))
                 if self._rtt_ms is None or sample.get("tcp_rtt_ms") is not None:
                     self._rtt_ms = _number(sample.get("tcp_rtt_ms"), self._rtt_ms)
         return Playing(
@@ -90,7 +97,12 @@ class RunFollower:
             node_state=self._node_state,
             rtt_ms=self._rtt_ms,
             nodes=_use(self._last),
+            recent={name: kept.values() for name, kept in self._recent.items()},
         )
+
+    def _keep(self, name: str, t_s: float | None, value: object) -> None:
+        if isinstance(value, int | float) and t_s is not None:
+            self._recent.setdefault(name, Recent()).add(t_s, value)
 
     def _run_time_s(self) -> float | None:
         times_s = [self._t_s, self._last[-1]["t_s"] if self._last else None]
@@ -106,12 +118,14 @@ class RunFollower:
                 self._tracked += state == "ok"
                 self._losses += self._state == "ok" and state != "ok"
                 self._state = state
+                self._keep("track_ms", self._t_s, event.get("track_ms"))
             case "frame_dropped":
                 self._played += 1
             case "state_changed":
                 self._node_state = str(event.get("to"))
             case "rtt_sample":
                 self._rtt_ms = _number(event.get("rtt_ms"), self._rtt_ms)
+                self._keep("rtt_ms", self._t_s, event.get("rtt_ms"))
 
 
 def _number(value: object, otherwise: float | None) -> float | None:

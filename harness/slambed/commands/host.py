@@ -59,15 +59,17 @@ def setup(
 ) -> None:
     """Compile the C++ programs of this package, or copy them from the node image if it exists.
 
-    Missing packages are installed with apt. In a checkout, 'make build' does the same.
+    Missing packages are installed with apt. In a checkout, 'make build' does the same. A wheel that
+    has the programs needs no setup; with engine docker the node image is made of them.
     """
-    from slambed.native import build_folder, repository_root
+    from slambed.native import brings_programs, build_folder, repository_root
     from slambed.spec.software import source_hash
 
     if engine not in ("auto", "docker", "local", "virtual"):
         raise SlambedError(f"unknown engine '{engine}'; known: auto, docker, local, virtual")
     place = build_folder()
-    make_folder(place, "$SLAMBED_CACHE")
+    if not brings_programs():
+        make_folder(place, "$SLAMBED_CACHE")
     variables = {"SLAMBED_BUILD": str(place), "SLAMBED_SOURCES": source_hash()}
     command = ["bash", str(repository_root() / "tools" / "build.sh"), engine]
     if subprocess.run(command, check=False, env=os.environ | variables).returncode != 0:

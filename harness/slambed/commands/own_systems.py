@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """`slambed check-system` and `slambed new`: the user's own systems, datasets and experiments."""
 
+from functools import partial
 from pathlib import Path
 from typing import Annotated
 
@@ -18,10 +19,12 @@ def check_system(
     from slambed.campaign.check_system import check_system as checked
     from slambed.spec import library
 
-    found = checked(system, library.Library())
+    found = checked(system, library.Library(), partial(typer.echo, err=True))
     for good, line in found.lines:
         mark = Text("ok " if good else "no ", "green" if good else "red")
         console().print(mark, line, soft_wrap=True)
+    for role, printed in found.printed.items():
+        typer.echo(f"\nlast lines that the {role} program printed:\n{printed}")
     if not found.good:
         raise typer.Exit(ExitCode.NOT_ALL_GOOD)
 

@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Commands about published numbers: papers compare, kept, run, list, lint, plan, power, rates."""
+"""Commands about published numbers: papers compare, kept, run, list, counts, lint, plan, power,
+rates."""
 
 import sys
 from pathlib import Path
@@ -132,6 +133,34 @@ def run(
         raise typer.Exit(INTERRUPTED)
     write_pages(pages, results, results / PAGES, every=False)
     raise_unless_done(played)
+
+
+@app.command()
+def counts(
+    names: Annotated[
+        list[str] | None, typer.Argument(help="Names in papers/; all if none.")
+    ] = None,
+    results: ResultsOption = RESULTS,
+    as_json: JsonOption = False,
+) -> None:
+    """Count the printed numbers: judged, beside the print, and without one of ours by reason."""
+    from slambed.commands.results_folders import result_folders
+    from slambed.papers.compare import compare_paper
+    from slambed.papers.lookup import pool_of
+    from slambed.papers.published import read_papers
+    from slambed.papers.reasons import count_json, count_table
+    from slambed.report.load import load
+    from slambed.terminal import console
+
+    chosen = [paper for paper in read_papers(names or None) if paper.kind == "paper"]
+    if not results.is_dir():
+        raise SlambedError(f"no such folder: {results}; give the right --results")
+    pool = pool_of([load(folder) for folder in result_folders(results)])
+    pages = [compare_paper(paper, pool) for paper in chosen]
+    if as_json:
+        print_json(count_json(pages))
+    else:
+        console().print(count_table(pages).rich())
 
 
 @app.command()
@@ -278,6 +307,7 @@ def write_all(
 ) -> None:
     """Writes one page per paper, from the experiments that `runs_of` returns for its id."""
     from slambed.papers.compare import comparison_table
+    from slambed.papers.cross_page import ALL_SYSTEMS, write_cross_page
     from slambed.papers.paper_page import write_overview, write_paper_page
     from slambed.terminal import console
 
@@ -297,5 +327,10 @@ def write_all(
         screen.print(f"page: {page.html}", highlight=False, soft_wrap=True)
         pages += [verdicts] if verdicts is not None else []
     if len(pages) > 1:
-        overview = write_overview(pages, list(pooled.values()), out)
+        experiments = list(pooled.values())
+        compared = [write_cross_page(r, out) for r in experiments if r.name == ALL_SYSTEMS]
+        systems = next((page.name for page in compared if page is not None), "")
+        if systems:
+            screen.print(f"all systems: {out / systems}", highlight=False, soft_wrap=True)
+        overview = write_overview(pages, experiments, out, systems)
         screen.print(f"all papers: {overview}", highlight=False, soft_wrap=True)

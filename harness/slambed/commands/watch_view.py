@@ -1,7 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
 """The terminal view of `slambed watch`."""
 
-from rich.console import Group, RenderableType
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from rich.console import Console, ConsoleOptions, Group, RenderableType, RenderResult
+from rich.measure import Measurement
 from rich.progress_bar import ProgressBar
 from rich.table import Table
 from rich.text import Text
@@ -13,6 +17,9 @@ from slambed.campaign.watch import Watched
 from slambed.spec.device import VIRTUAL
 
 BAR_WIDTH = 40
+BARS = "\u2581\u2582\u2583\u2584\u2585\u2586\u2587\u2588"
+BARS_ASCII = "_.-=+*#"
+"""For terminals that know no other letters."""
 STATE_STYLES = {"ok": "green", "lost": "red", "not_initialized": "dim"}
 AT_THE_END = "its events come at its end"
 """Shown for virtual runs, because a simulation writes its events when it is done."""
@@ -81,11 +88,48 @@ def _run(playing: Playing, engine: str | None) -> RenderableType:
         style = STATE_STYLES.get(playing.state, "")
         own = f", state {playing.node_state}" if playing.node_state else ""
         grid.add_row("tracking", Text.assemble((playing.state.replace("_", " "), style), own))
+    _add_curve(grid, playing, "track_ms", "ms")
     if playing.rtt_ms is not None:
         grid.add_row("RTT", f"{playing.rtt_ms:.1f} ms")
+    _add_curve(grid, playing, "rtt_ms", "ms")
     for node, use in playing.nodes.items():
         grid.add_row(node, use_line(use, playing.t_s))
+        _add_curve(grid, playing, node, "%")
     return grid
+
+
+def _add_curve(grid: Table, playing: Playing, name: str, unit: str) -> None:
+    """Adds the last seconds of a quantity as a line of its own, once there are two."""
+    values = playing.recent.get(name, [])
+    if len(values) > 1:
+        grid.add_row("", Sparkline(values, unit))
+
+
+@dataclass(frozen=True)
+class Sparkline:
+    """A curve from 0 to its largest value in one line, and that value. As many of the last values
+    as the terminal is wide."""
+
+    values: Sequence[float | None]
+    unit: str
+
+    def __rich_console__(self, console: Console, options: ConsoleOptions) -> RenderResult:
+        known = [value for value in self.values if value is not None]
+        most = max(known, default=0.0)
+        scale = f" 0 to {most:.0f} {self.unit}"
+        shown = self.values[-max(1, options.max_width - len(scale)) :]
+        yield Text.assemble((spark(shown, most, BARS_ASCII if options.ascii_only else BARS)), scale)
+
+    def __rich_measure__(self, console: Console, options: ConsoleOptions) -> Measurement:
+        return Measurement(1, options.max_width)
+
+
+def spark(values: Sequence[float | None], most: float, bars: str = BARS) -> str:
+    """Returns a bar per value between 0 and `most`; a space where there is none."""
+    return "".join(
+        " " if value is None else bars[round((len(bars) - 1) * value / most) if most > 0 else 0]
+        for value in values
+    )
 
 
 def _run_time(playing: Playing) -> str:

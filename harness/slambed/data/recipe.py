@@ -244,8 +244,12 @@ class Dataset(_Strict):
     @classmethod
     def _are_patterns(cls, value: tuple[str, ...]) -> tuple[str, ...]:
         for pattern in value:
+            below = split_pattern(pattern)[1]
+            # From Python 3.13 on glob() takes this for `*`.
+            if any("**" in part and part != "**" for part in Path(below).parts):
+                raise ValueError(f"'{pattern}' is no pattern of a path (** stands alone)")
             try:
-                next(Path(os.devnull).glob(split_pattern(pattern)[1]), None)
+                next(Path(os.devnull).glob(below), None)
             except (ValueError, IndexError, NotImplementedError, RuntimeError) as refused:
                 raise ValueError(f"'{pattern}' is no pattern of a path ({refused})") from None
         return value

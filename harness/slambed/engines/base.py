@@ -6,6 +6,7 @@ import os
 import select
 import signal
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Protocol
@@ -45,10 +46,14 @@ class NodePlan:
     """Folder of that system on the host."""
     frames: Path | None = None
     """Recorded folder on the host, for a system that reads one."""
+    limit_bytes: int | None = None
+    """Largest file that it may write, and most of what it may print; None: no limit."""
     host_network: bool = False
     """It uses the network of the host, so that another machine can reach it."""
 
 
+LOG_END_BYTES = 1 << 16
+"""In which the last words of a program are looked for."""
 EDGE_CONFIG = "run_edge.json"
 
 
@@ -275,10 +280,24 @@ def allot_cpus(mobile: Limits, edge: Limits | None, host: list[int]) -> dict[Rol
 
 
 def last_line(path: Path) -> str:
-    """Returns the last line of a log, preferring one that starts with `error:`."""
-    try:
-        lines = path.read_text(errors="replace").strip().splitlines()
-    except OSError:
-        lines = []
+    """Returns the last line of a log, preferring one that starts with `error:`, then the exception
+    that ends a Python traceback: libraries print more lines while the program ends. Reads only the
+    end of the log: a program may print gigabytes."""
+    lines: list[str] = []
+    with suppress(OSError), path.open("rb") as log:
+        log.seek(max(0, path.stat().st_size - LOG_END_BYTES))
+        lines = log.read().decode(errors="replace").strip().splitlines()
     error_lines = [line for line in lines if line.startswith("error:")]
-    return (error_lines or lines or ["it printed nothing"])[-1]
+    return (error_lines or _exceptions(lines) or lines or ["it printed nothing"])[-1]
+
+
+def _exceptions(lines: list[str]) -> list[str]:
+    """Returns the last line of each Python traceback: the first one after its indented lines."""
+    found, inside = [], False
+    for line in lines:
+        if line.startswith("Traceback (most recent call last)"):
+            inside = True
+        elif inside and line and not line[0].isspace():
+            found.append(line)
+            inside = False
+    return found

@@ -8,7 +8,7 @@ from typing import Any
 
 import docker
 import psutil
-from docker.errors import APIError, DockerException, NotFound
+from docker.errors import APIError, NotFound
 
 from slambed.engines.base import (
     LABEL,
@@ -24,10 +24,18 @@ from slambed.engines.cgroups import V1_LARGEST_SHARES, put_before_others
 from slambed.engines.docker_errors import DAEMON_ERRORS, daemon_failures, docker_error
 from slambed.engines.docker_gpu import must_give_gpu
 from slambed.engines.docker_image import connect, find_image, image_tag
-from slambed.engines.docker_limits import limits_of, parent_group
+from slambed.engines.docker_limits import limits_of, parent_group, writing_limits
+from slambed.engines.docker_log import FollowedLog
+from slambed.engines.docker_python import (
+    build_python_image,
+    image_name,
+    is_made_here,
+    python_volume,
+)
 from slambed.engines.docker_segmenter import start_segmenter
 from slambed.engines.foreign import container_options, player_volumes
 from slambed.engines.helper import NAMESPACES, Helper, direct_command, is_root
+from slambed.engines.python_packages import version_of
 from slambed.engines.this_host import ThisHostEngine
 from slambed.errors import KilledError, SlambedError, environment_error
 from slambed.records.manifest import EngineFacts
@@ -54,6 +62,7 @@ class DockerNode:
         pid: int,
         namespace: Path,
         keeper: Any | None = None,
+        limit_bytes: int | None = None,
     ) -> None:
         self.role = role
         self.pid = pid
@@ -71,6 +80,7 @@ class DockerNode:
         self.granted = self.reader.granted()
         self._code: int | None = None
         self._removed = False
+        self._log = FollowedLog(container, run_dir / role / "log.txt", limit_bytes)
 
     def release(self) -> None:
         """Opens the start barrier of both containers, which share the output folder."""
@@ -81,7 +91,7 @@ class DockerNode:
         if self._code is None and not self._watch.alive():
             # An unknown exit code does not count as a result of the node: the error propagates.
             self._code = int(self.container.wait(timeout=KILL_TIMEOUT_S)["StatusCode"])
-            self._write_log()
+            self._log.whole(KILL_TIMEOUT_S)
         return self._code
 
     def out_of_memory(self) -> bool:
@@ -113,21 +123,17 @@ class DockerNode:
         if self._removed:
             return
         self._removed = True
-        if self._code is None:
-            self._write_log()
         with contextlib.ExitStack() as removals:
             removals.callback(self._watch.close)
             for container in filter(None, (self.keeper, self.container)):
                 removals.callback(_remove, container)
+        self._log.whole(KILL_TIMEOUT_S)
 
     def give_up(self) -> None:
         """Hands the container over to another node object."""
         self._removed = True
+        self._log.whole(KILL_TIMEOUT_S)
         self._watch.close()
-
-    def _write_log(self) -> None:
-        with contextlib.suppress(DockerException, OSError):
-            (self._run_dir / self.role / "log.txt").write_bytes(self.container.logs())
 
 
 class DockerEngine(ThisHostEngine):
@@ -175,24 +181,34 @@ class DockerEngine(ThisHostEngine):
         """Returns current ids: a name may refer to another image later."""
         found: dict[str, str] = {}
         for role in ("mobile", "edge") if runtime.edge is not None else ("mobile",):
-            if not (name := runtime.image_of(role)):
+            if not (name := image_name(runtime, role)):
                 raise SlambedError(
                     f"system {system} names no image for engine docker; write runtime.image, or "
                     "use --engine local"
                 )
-            with daemon_failures(f"look for image {name}"):
-                try:
-                    found[role] = self._ids[name] = str(self._client.images.get(name).id)
-                except NotFound:
-                    raise environment_error(
-                        f"system {system}: there is no image {name} on this host; build it as the "
-                        "system's README says"
-                    ) from None
+            found[role] = self._ids[name] = self._id_of(name, runtime, system)
         # A query starts no container, which would be needed to test for a GPU.
         for gpu in runtime.gpus if not self._for_questions else ():
             assert self._image is not None
             must_give_gpu(self._client, str(self._image.id), gpu, system)
         return found
+
+    def _id_of(self, name: str, runtime: Runtime, system: str) -> str:
+        """Returns the id of an image, which is made now if it is slambed's own."""
+        with daemon_failures(f"look for image {name}"):
+            with contextlib.suppress(NotFound):
+                return str(self._client.images.get(name).id)
+            if runtime.python is None or not is_made_here(name):
+                raise environment_error(
+                    f"system {system}: there is no image {name} on this host; build it as the "
+                    "system's README says"
+                )
+            if self._for_questions:
+                raise environment_error(
+                    f"system {system}: its image {name} is not made yet; 'slambed run' makes it"
+                )
+            build_python_image(runtime.python, name, version_of(runtime.python), system)
+            return str(self._client.images.get(name).id)
 
     def start(self, plan: NodePlan) -> Node:
         """Creates a container at the start barrier."""
@@ -246,7 +262,9 @@ class DockerEngine(ThisHostEngine):
             put_before_others(paths_of(pid))
         inside = netns(pid if keeper is None else int(keeper.attrs["State"]["Pid"]))
         namespace = NAMESPACES / plan.role if self.unprivileged else inside
-        node = DockerNode(plan.role, container, plan.run_dir, pid, namespace, keeper)
+        node = DockerNode(
+            plan.role, container, plan.run_dir, pid, namespace, keeper, plan.limit_bytes
+        )
         node.several_processes = plan.runtime is not None
         self._nodes[plan.role] = node
         return node
@@ -301,6 +319,7 @@ class DockerEngine(ThisHostEngine):
             cpu_shares=V1_LARGEST_SHARES,
             **parent,
             **limits_of(plan),
+            **writing_limits(plan),
         )
 
     def _our_program(self, plan: NodePlan) -> dict[str, Any]:
@@ -315,10 +334,11 @@ class DockerEngine(ThisHostEngine):
 
     def _foreign_program(self, plan: NodePlan) -> dict[str, Any]:
         assert plan.runtime is not None
-        name = plan.runtime.image_of(plan.role)
+        name = image_name(plan.runtime, plan.role)
         config = f"{OUTPUT}/{config_name(plan)}"
         program = container_options(plan, self._ids.get(name, name), config, START_BARRIER)
-        return program | {"volumes": _volumes(plan) | player_volumes(plan)}
+        volumes = _volumes(plan) | player_volumes(plan) | python_volume(plan)
+        return program | {"volumes": volumes}
 
 
 def _network(plan: NodePlan, keeper: Any | None) -> str:

@@ -9,6 +9,9 @@ import docker
 from slambed.engines.base import LABEL, NodePlan
 from slambed.engines.docker_errors import DAEMON_ERRORS
 
+KEPT_LOGS = 2
+"""With one file the daemon would begin again at each limit, and keep nothing of before."""
+
 
 def limits_of(plan: NodePlan) -> dict[str, Any]:
     """Returns the limits as arguments of the Docker API."""
@@ -20,6 +23,17 @@ def limits_of(plan: NodePlan) -> dict[str, Any]:
     if limits.memory_mb is not None:
         found |= {"mem_limit": limits.memory_mb * 2**20}
     return found
+
+
+def writing_limits(plan: NodePlan) -> dict[str, Any]:
+    """Returns the limits of what a node writes: no file is larger, and the daemon keeps no more
+    of what it prints, whatever the daemon's own log driver is."""
+    if plan.limit_bytes is None:
+        return {}
+    size = docker.types.Ulimit(name="fsize", soft=plan.limit_bytes, hard=plan.limit_bytes)
+    kept = {"max-size": str(plan.limit_bytes), "max-file": str(KEPT_LOGS)}
+    log = docker.types.LogConfig(type=docker.types.LogConfig.types.JSON, config=kept)
+    return {"ulimits": [size], "log_config": log}
 
 
 def as_options(limits: dict[str, Any]) -> list[str]:

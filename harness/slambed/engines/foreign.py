@@ -7,6 +7,7 @@ from typing import Any
 
 from slambed.engines.base import NODE_UID, NodePlan
 from slambed.engines.docker_gpu import gpu_options
+from slambed.engines.python_packages import find_environment
 from slambed.errors import environment_error
 from slambed.native import find_program, repository_root
 from slambed.spec.runtime import PLAYER_IN_CONTAINER, SYSTEM_IN_CONTAINER
@@ -14,6 +15,7 @@ from slambed.spec.runtime import PLAYER_IN_CONTAINER, SYSTEM_IN_CONTAINER
 PLAYER = "slambed-play"
 PATH = "/usr/local/bin:/usr/bin:/bin"
 FRAMES_IN_CONTAINER = "/frames"
+ENVIRONMENT_IN_CONTAINER = "/python"
 ELF_INTERPRETER = 3
 """Program header type PT_INTERP: the program needs shared libraries of its host."""
 
@@ -60,6 +62,15 @@ def environment(
     if path is not None:
         usual["PATH"] = path
     python = [clients, *filter(None, [own.get("PYTHONPATH")])]
+    if plan.runtime.python is not None:
+        assert plan.system_folder is not None
+        installed = find_environment(plan.runtime.python, plan.system_folder)
+        if path is None:
+            # The image has a Python of the same version; the environment's own is a link to one of
+            # the host.
+            python.append(f"{ENVIRONMENT_IN_CONTAINER}/{installed.packages_inside}")
+        else:
+            usual["PATH"] = f"{installed.programs}:{path}"
     recorded = _recorded(plan, config, frames)
     places = {f"SLAMBED_{name.upper()}": place for name, place in recorded.items()}
     return usual | own | places | {"PYTHONPATH": ":".join(python)}

@@ -33,6 +33,7 @@ from slambed.engines.result import (
     time_limit_s,
 )
 from slambed.engines.segmenter_keeper import SegmenterKeeper
+from slambed.engines.written_bytes import WrittenBytes
 from slambed.errors import ExitCode, KilledError, PassingError
 from slambed.link.facts import LinkFacts
 from slambed.records.run_config import RunConfig
@@ -88,6 +89,7 @@ class LiveRun:
         self._sequence = sequence
         self._limit_s = time_limit_s(spec, played_s, engine.start_ahead_s)
         self._run_dir = run_dir
+        self._written = WrittenBytes(run_dir, spec.max_run_mb)
         self._open_link = open_link
         self._stop = stop
         self._host = host
@@ -153,6 +155,7 @@ class LiveRun:
             for node in self._nodes.values():
                 node.release()
             if (ended := self._await_ready()) is not None:
+                self._written.cut()
                 return RunResult(*ended, invalid_reasons=self._invalid_reasons, limits=limits)
             faults.start(t0_ns := self._start_clock(sidecar))
             outcome, reason = self._watch(faults)
@@ -175,6 +178,7 @@ class LiveRun:
                 self._invalid_reasons.append(f"link: {link.invalid_reason}")
         if self._stop.is_set():
             raise InterruptedRunError
+        self._written.cut()
         return RunResult(
             outcome=outcome,
             reason=reason,
@@ -215,6 +219,7 @@ class LiveRun:
                 runtime,
                 folder,
                 self._frames,
+                self._written.limit_bytes,
             )
             node = self._engine.start(plan)
             cleanup.callback(node.remove)
@@ -258,6 +263,9 @@ class LiveRun:
                     return self._refused(role, code)
             if self._stop.is_set():
                 raise InterruptedRunError
+            if (too_many := self._written.too_many()) is not None:
+                self._end_nodes()
+                return "died", too_many
             if self._link is not None and not self._link.alive():
                 raise PassingError("the link ended before the run began")
             if time.monotonic() > deadline:
@@ -269,6 +277,8 @@ class LiveRun:
         return None
 
     def _refused(self, role: Role, code: int) -> tuple[Outcome, str]:
+        if (too_many := self._written.reason()) is not None:
+            return "died", too_many
         if (how := from_outside(self._nodes[role], code, self._run_dir)) is not None:
             raise KilledError(f"the {role} node {how} before it was ready")
         last_words = last_line(self._run_dir / role / "log.txt").removeprefix("error: ")
@@ -314,6 +324,10 @@ class LiveRun:
                 faults.finish()
                 self._end_nodes()
                 raise InterruptedRunError
+            if (too_many := self._written.too_many()) is not None:
+                faults.finish()
+                self._end_nodes()
+                return "died", too_many
             if time.monotonic() > deadline:
                 faults.finish()
                 self._end_nodes()
@@ -332,6 +346,8 @@ class LiveRun:
         if edge is not None and ended is None and not faults.edge_is_dead:
             ended = self._await_edge(edge)
         self._end_nodes()
+        if (too_many := self._written.reason()) is not None:
+            return "died", too_many
         return ended or ("completed", None)
 
     def _ended_early(self, edge: Node) -> bool:
@@ -348,6 +364,8 @@ class LiveRun:
             if self._stop.wait(WATCH_PERIOD_S):
                 self._end_nodes()
                 raise InterruptedRunError
+            if (too_many := self._written.too_many()) is not None:
+                return "died", too_many
             if time.monotonic() > deadline:
                 return (
                     "timed_out",
@@ -359,6 +377,8 @@ class LiveRun:
 
     def _died(self, role: Role, code: int) -> tuple[Outcome, str]:
         """Returns the outcome; marks the run invalid if the end was caused from outside."""
+        if (too_many := self._written.reason()) is not None:
+            return "died", too_many
         node = self._nodes[role]
         if (how := from_outside(node, code, self._run_dir)) is not None:
             self._invalid_reasons.append(f"the {role} node {how}")

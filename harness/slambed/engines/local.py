@@ -3,6 +3,7 @@
 
 import contextlib
 import os
+import resource
 import select
 import signal
 import subprocess
@@ -251,6 +252,11 @@ class LocalEngine(ThisHostEngine):
                     # Ctrl-C reaches only the harness, which ends the nodes in its own order.
                     start_new_session=True,
                 )
+            if plan.limit_bytes is not None:
+                # A file outside of the run folder, or one that was deleted while open, is not
+                # counted; no file grows beyond this.
+                limits = (plan.limit_bytes, plan.limit_bytes)
+                resource.prlimit(process.pid, resource.RLIMIT_FSIZE, limits)
             os.close(ready_write)
             ready_write = -1
             node = LocalNode(plan.role, process, paths)

@@ -8,6 +8,7 @@ threads are found in /proc and moved to `<cgroup of the node>/thread-<number>`.
 import contextlib
 import errno
 from dataclasses import dataclass, field
+from math import fsum
 from pathlib import Path
 
 from slambed.errors import environment_error
@@ -144,7 +145,7 @@ class ThreadCaps:
             if thread.alive:
                 self._read(thread)
         threads = self.threads.values()
-        return sum(t.throttled_s for t in threads), sum(t.throttled_periods for t in threads)
+        return fsum(t.throttled_s for t in threads), sum(t.throttled_periods for t in threads)
 
     def _read(self, thread: CappedThread) -> None:
         with contextlib.suppress(OSError):

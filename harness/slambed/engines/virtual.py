@@ -24,6 +24,7 @@ from slambed.engines.child_end import end_of
 from slambed.engines.cpu_watch import IDLE_LIMIT_S, CpuWatch
 from slambed.engines.faults import write_planned
 from slambed.engines.result import InterruptedRunError, Outcome, RunResult, run_config
+from slambed.engines.written_bytes import WrittenBytes
 from slambed.errors import ExitCode, KilledError, SlambedError, environment_error
 from slambed.link.direction import ModeledLink
 from slambed.link.facts import LinkFacts
@@ -137,12 +138,16 @@ class VirtualRun:
     idle_limit_s: float = IDLE_LIMIT_S
 
     def execute(self, stop: threading.Event) -> RunResult:
-        """Executes the run. A program that refuses its input, dies or exceeds its CPU time is an
-        outcome; an idle one raises PassingError."""
+        """Executes the run. A program that refuses its input, dies, exceeds its CPU time or writes
+        too much is an outcome; an idle one raises PassingError."""
         self._write_files()
         cache = feature_file(self.features, self.spec) if self.features else None
+        written = WrittenBytes(self.run_dir, self.spec.max_run_mb)
         with _made_once(cache):
-            code = self._run(stop)
+            code = self._run(stop, written)
+        if (too_many := written.reason()) is not None:
+            written.cut()
+            return self._result("died", too_many)
         if code is not None and ended_from_outside(code):
             # We never kill it for a limit, so this is not the system's fault.
             raise KilledError(
@@ -152,11 +157,11 @@ class VirtualRun:
         if code == ExitCode.ENVIRONMENT:
             last_words = last_line(self.run_dir / "log.txt").removeprefix("error: ")
             raise SlambedError(f"{SIMULATION}: {last_words}", ExitCode(code))
-        return RunResult(
-            outcome=_outcome(code),
-            reason=None if code == 0 else self._reason(code),
-            link=LinkFacts.virtual() if self.spec.link else None,
-        )
+        return self._result(_outcome(code), None if code == 0 else self._reason(code))
+
+    def _result(self, outcome: Outcome, reason: str | None) -> RunResult:
+        link = LinkFacts.virtual() if self.spec.link else None
+        return RunResult(outcome=outcome, reason=reason, link=link)
 
     def _write_files(self) -> None:
         # The output path is relative, so that equal runs in different folders leave equal files.
@@ -175,8 +180,8 @@ class VirtualRun:
             write_link_log(profile, self.played_s, self.run_dir / "link")
         write_planned(self.spec.faults, self.played_s, self.run_dir)
 
-    def _run(self, stop: threading.Event) -> int | None:
-        """Returns the exit code; None if it exceeded its CPU time."""
+    def _run(self, stop: threading.Event, written: WrittenBytes) -> int | None:
+        """Returns the exit code; None if it exceeded its CPU time or wrote too much."""
         with (self.run_dir / "log.txt").open("wb") as log:
             process = subprocess.Popen(
                 [str(self.program), "--config", "sim.json"],
@@ -194,7 +199,7 @@ class VirtualRun:
                 while (code := wait(WATCH_PERIOD_S)) is None:
                     if stop.is_set():
                         raise InterruptedRunError
-                    if watch.spent():
+                    if watch.spent() or written.too_many() is not None:
                         return None
             return code
         finally:

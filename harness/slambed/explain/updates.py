@@ -2,6 +2,7 @@
 """Staged map updates from begin to swap, and suspensions of updates after losses."""
 
 from dataclasses import dataclass, replace
+from math import fsum
 
 from slambed.explain.run_log import RunLog
 
@@ -92,7 +93,7 @@ def staged_update_lines(run: RunLog, most: int) -> list[str]:
     parts = [f"{len(staged)} begun"]
     for times, what in ((ready, "ready after"), (swap, "swapped after another")):
         if times:
-            mean = sum(times) / len(times)
+            mean = fsum(times) / len(times)
             parts.append(f"{len(times)} {what} {_ms(mean)} (mean; {_ms(max(times))} at most)")
         else:
             parts.append(f"none {what.split()[0]}")

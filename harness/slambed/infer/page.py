@@ -16,8 +16,8 @@ from slambed.infer.mixture import best_possible
 from slambed.infer.search import Evaluated
 from slambed.infer.success import ComparedCell
 from slambed.infer.svg_figures import Lane, lanes_svg, profile_svg
+from slambed.papers.environment import environment
 from slambed.papers.judged import printed as printed_text
-from slambed.papers.paper_page import environment
 from slambed.papers.strip import COLORS
 from slambed.papers.verdicts.model import Mean, Share
 from slambed.report.page import STYLE

@@ -3,6 +3,7 @@
 
 from dataclasses import dataclass, field
 from functools import cached_property, lru_cache
+from math import fsum
 from pathlib import Path
 from typing import Any
 
@@ -348,7 +349,7 @@ class RunData:
             return None
         live = self._trajectory("trajectory_live.txt")
         waits = known_place_times_s(self.log, live, self._truth)
-        return sum(waits) / len(waits) if waits else None
+        return fsum(waits) / len(waits) if waits else None
 
     @cached_property
     def sensor(self) -> str | None:

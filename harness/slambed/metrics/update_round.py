@@ -4,6 +4,7 @@ it (DynNetSLAM, Sec. III: T_Total = T_Mobile + T_Edge + T_NW)."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from math import fsum
 
 import numpy as np
 
@@ -42,7 +43,7 @@ class UpdateRound:
     @property
     def closure_error_ms(self) -> float:
         """Difference between the total and the sum of the parts."""
-        return abs(sum(self.parts_ms.values()) - self.total_ms)
+        return abs(fsum(self.parts_ms.values()) - self.total_ms)
 
 
 def update_rounds(log: EventLog) -> list[UpdateRound]:

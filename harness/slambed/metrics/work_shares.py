@@ -2,6 +2,7 @@
 """Shares of the mobile node's work by task (IJNC 15(2), 2025, Tables 1 and 2)."""
 
 from collections.abc import Mapping
+from math import fsum
 
 from slambed.metrics.events import EventLog
 from slambed.metrics.tracking import values_of
@@ -40,5 +41,5 @@ def _share(log: EventLog, parts: Mapping[str, tuple[str, ...]], part: str) -> fl
         key: float(values_of(log.stages("mobile", *names), "wall_ms").sum())
         for key, names in parts.items()
     }
-    total_ms = sum(spent_ms.values())
+    total_ms = fsum(spent_ms.values())
     return spent_ms[part] / total_ms if total_ms > 0 else None

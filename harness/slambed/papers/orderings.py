@@ -243,6 +243,23 @@ def _value(measured: Measured) -> str:
     return f"{measured.mean.value:.3g}"
 
 
+OUTCOMES: dict[OrderKind, str] = {
+    "holds": "hold", "reversed": "reversed", "not_seen": "not_seen", "too_few_runs": "open",
+    "inconclusive": "open", "not_shown_by_paper": "open", "not_run": "waiting",
+    "half_run": "waiting", "no_events": "waiting", "no_number": "waiting",
+}  # fmt: skip
+"""Outcome of an ordering -> its group in the headline."""
+
+
+def outcome_of(item: JudgedOrdering) -> str:
+    """Returns an ordering's group, for headlines: hold, reversed, in_part, not_seen, open
+    (cannot be told), waiting (no runs of ours) or fitted."""
+    group = OUTCOMES[item.kind]
+    if item.provenance == "fitted" and group in ("hold", "reversed", "not_seen"):
+        return "fitted"
+    return "in_part" if group == "reversed" and item.words == PARTLY["reversed"] else group
+
+
 def judge_orderings(judge: Judge) -> list[JudgedOrdering]:
     """Judges all contrasts of the paper; the paper's own p values are Holm-adjusted per table."""
     found = [OrderingCase(judge, contrast) for contrast in judge.paper.contrasts]

@@ -2,11 +2,12 @@
 """The main claims of a paper for display: badge, both values, pairs, notes."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
+from slambed.papers.codes import spelled
 from slambed.papers.compare import Column
-from slambed.papers.orderings import KINDS, JudgedOrdering, OrderKind, PairLine
-from slambed.papers.published import Provenance
+from slambed.papers.orderings import KINDS, JudgedOrdering, OrderKind, PairLine, outcome_of
+from slambed.papers.published import Paper, Provenance
 from slambed.papers.verdicts.model import MOST_RUNS, SEEN_POWER
 
 WEAK: dict[Provenance, str] = {"stand_in": "on a stand-in", "fitted": "fitted"}
@@ -82,15 +83,46 @@ class ClaimLine:
         return message + "".join(parts)
 
 
-def claim_lines(column: Column) -> list[ClaimLine]:
-    """Returns the main claims, or all declared orderings if none is marked as main."""
-    main = [o for o in column.orderings if o.contrast.main] or column.orderings
+def claim_lines(column: Column, every: bool = False) -> list[ClaimLine]:
+    """Returns the main claims, or all declared orderings if asked or none is marked as main."""
+    main = [o for o in column.orderings if o.contrast.main and not every] or column.orderings
     return [_claim(column.engine, o) for o in main]
 
 
-def claims_per_engine(columns: list[Column]) -> list[list[ClaimLine]]:
+def claims_per_engine(columns: list[Column], paper: Paper) -> list[list[ClaimLine]]:
     """Returns every main claim with its lines per kind of engine."""
-    return [list(lines) for lines in zip(*map(claim_lines, columns), strict=True)]
+    found = [
+        [replace(line, note=spelled(line.note, paper)) for line in claim_lines(column)]
+        for column in columns
+    ]
+    return [list(lines) for lines in zip(*found, strict=True)]
+
+
+@dataclass(frozen=True)
+class ClaimGroup:
+    """The orderings of a paper that came out alike."""
+
+    outcome: str
+    """Key of `OUTCOME_WORDS`, for the color."""
+    heading: str
+    lines: list[ClaimLine]
+
+
+HEADINGS = {
+    "hold": "Held", "reversed": "Reversed", "in_part": "Reversed in part", "not_seen": "Not seen",
+    "open": "Cannot be told", "waiting": "No number of ours", "fitted": "Numbers were set to match",
+}  # fmt: skip
+
+
+def claim_groups(column: Column) -> list[ClaimGroup]:
+    """Returns the main claims by outcome, with every further ordering that holds or is reversed."""
+    main = {line.anchor for line in claim_lines(column)}
+    by_outcome: dict[str, list[ClaimLine]] = {}
+    for item, line in zip(column.orderings, claim_lines(column, every=True), strict=True):
+        outcome = outcome_of(item)
+        if line.anchor in main or outcome in ("hold", "reversed", "in_part"):
+            by_outcome.setdefault(outcome, []).append(line)
+    return [ClaimGroup(o, words, by_outcome[o]) for o, words in HEADINGS.items() if o in by_outcome]
 
 
 def in_short(assumed: Sequence[str]) -> list[str]:

@@ -3,13 +3,13 @@
 
 import os
 from dataclasses import dataclass
-from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
-import jinja2
 from markupsafe import Markup
 
+from slambed.papers.beside import beside
+from slambed.papers.codes import named, spelled
 from slambed.papers.compare import (
     Column,
     PaperVerdicts,
@@ -18,9 +18,10 @@ from slambed.papers.compare import (
     ordering_table,
     pair_table,
 )
+from slambed.papers.environment import environment
 from slambed.papers.judged import MARKS, Judged
 from slambed.papers.lookup import Pool, pool_of
-from slambed.papers.paper_claims import claim_lines, claims_per_engine, definitions, text_lines
+from slambed.papers.paper_claims import claim_groups, claims_per_engine, definitions, text_lines
 from slambed.papers.paper_view import (
     MARK_WORDS,
     bar,
@@ -33,12 +34,15 @@ from slambed.papers.paper_view import (
 )
 from slambed.papers.peer import peer_tables
 from slambed.papers.published import Paper
+from slambed.papers.reasons import count_table
 from slambed.papers.strip import COLORS, histogram_svg, strip_svg
 from slambed.report.experiment import write_tables
 from slambed.report.load import Results
 from slambed.report.page import STYLE
 from slambed.report.tables import Table
 
+METRICS = 6
+"""How many metrics the overview draws per paper, those with the most numbers."""
 RUNS_LINKED = 5
 """How many runs of a number are linked; the others are counted."""
 
@@ -52,20 +56,6 @@ class PaperPage:
     lines: list[str]
     """The page's summary for the terminal."""
     verdicts: PaperVerdicts | None
-
-
-@lru_cache
-def environment(package: str = "slambed.papers") -> jinja2.Environment:
-    """Returns the templates of a package, which may include those of papers; values not marked safe
-    are escaped."""
-    folders = [jinja2.PackageLoader(name) for name in dict.fromkeys((package, "slambed.papers"))]
-    return jinja2.Environment(
-        loader=jinja2.ChoiceLoader(folders),
-        autoescape=True,
-        undefined=jinja2.StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
-    )
 
 
 def write_paper_page(
@@ -101,21 +91,26 @@ def write_paper_page(
     return PaperPage(html, markdown, twelve_lines(verdicts, experiments), verdicts)
 
 
-def write_overview(pages: list[PaperVerdicts], experiments: list[Results], folder: Path) -> Path:
-    """Writes `<folder>/index.html` over all these papers."""
+def write_overview(
+    pages: list[PaperVerdicts], experiments: list[Results], folder: Path, systems: str = ""
+) -> Path:
+    """Writes `<folder>/index.html` over all these papers: what each claims and what came out.
+    `systems`: the page in this folder that compares all systems, if it was written."""
     papers = [
         {
             "id": v.paper.id,
-            "title": f"{v.paper.paper.title} ({v.paper.paper.year})",
+            "title": v.paper.paper.title,
+            "published": v.paper.paper.published,
             "columns": [
                 {
                     "engine": c.engine,
                     "made": circumstance(v, c, experiments),
                     "headline": headline(v, c),
-                    "claims": claim_lines(c),
-                    "score": c.score,
+                    "groups": claim_groups(c),
                     "whole": bar("all numbers", "", c, list(c.rows)),
-                    "why_not": why_not(v, c),
+                    "strip": strip_svg(
+                        list(c.rows.values()), f"{v.paper.id}/index.html#v-", METRICS
+                    ),
                 }
                 for c in v.columns
             ],
@@ -124,7 +119,9 @@ def write_overview(pages: list[PaperVerdicts], experiments: list[Results], folde
     ]
     path = folder / "index.html"
     page = environment().get_template("papers.html.j2")
-    path.write_text(page.render(papers=papers, **_look()), encoding="utf-8")
+    counts = count_table(pages)
+    content = {"papers": papers, "counts": counts, "metrics": METRICS, "systems": systems}
+    path.write_text(page.render(**content, **_look()), encoding="utf-8")
     return path
 
 
@@ -145,7 +142,7 @@ def _content(verdicts: PaperVerdicts, experiments: list[Results], target: Path) 
                 "headline": headline(verdicts, c),
                 "bars": bars(verdicts, c),
                 "score": c.score,
-                "strip": strip_svg(list(c.rows.values()), "v-"),
+                "strip": strip_svg(list(c.rows.values()), "#v-"),
                 "why_not": why_not(verdicts, c),
                 "histogram": histogram_svg(c.score.histogram),
                 "links": [(name, links[name]) for name in made.experiments],
@@ -154,7 +151,7 @@ def _content(verdicts: PaperVerdicts, experiments: list[Results], target: Path) 
     return _look() | {
         "paper": verdicts.paper,
         "columns": columns,
-        "claims": claims_per_engine(verdicts.columns),
+        "claims": claims_per_engine(verdicts.columns, verdicts.paper),
         "definitions": definitions(verdicts.columns),
         "twins": [twin(verdicts, t) for t in verdicts.paper.tables],
         "groups": [
@@ -189,14 +186,16 @@ def _entry(
     cell = verdicts.cells[name]
     return {
         "id": name,
-        "words": ", ".join(w for w in (cell.row, cell.column) if w),
+        "words": named(cell, {n: s.label for n, s in verdicts.paper.systems.items()}),
         "paper": next(c.rows[name].stated for c in verdicts.columns),
         "where": _place(verdicts.paper, cell.source),
-        "ours": [_ours(c, c.rows[name], folders, target) for c in verdicts.columns],
+        "ours": [_ours(verdicts, c, c.rows[name], folders, target) for c in verdicts.columns],
     }
 
 
-def _ours(column: Column, row: Judged, folders: dict[str, Path], target: Path) -> dict[str, Any]:
+def _ours(
+    verdicts: PaperVerdicts, column: Column, row: Judged, folders: dict[str, Path], target: Path
+) -> dict[str, Any]:
     verdict = row.verdict
     margin = ""
     if verdict.margin == verdict.margin:
@@ -206,10 +205,13 @@ def _ours(column: Column, row: Judged, folders: dict[str, Path], target: Path) -
     reason = row.why
     if row.provenance in ("fitted", "stand_in") and verdict.why and verdict.why not in reason:
         reason = f"{reason}; {verdict.why}"
+    place = beside(row) if row.mark == "S" else None
     if verdict.runs_needed:
         reason = f"{reason}; {verdict.runs_needed} runs would decide"
     return {
-        "engine": column.engine, "mark": row.mark, "value": row.ours, "why": reason,
+        "engine": column.engine, "mark": row.mark, "value": row.ours,
+        "beside": place.words if place is not None else "",
+        "why": spelled(reason, verdicts.paper),
         "formula": verdict.formula, "margin": margin, "assumed": verdict.assumed,
         "runs": [
             (key[:8], _relative(folders[experiment] / "runs" / key, target))

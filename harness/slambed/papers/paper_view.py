@@ -3,21 +3,27 @@
 runs."""
 
 from collections import Counter
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import lru_cache
 
+from slambed.data.recipe_file import load_recipe
 from slambed.data.stand_in import played_instead
 from slambed.errors import SlambedError
+from slambed.files.outputs import is_file
+from slambed.native import repository_root
+from slambed.papers.beside import beside
+from slambed.papers.codes import spelled
 from slambed.papers.compare import Column, PaperVerdicts
 from slambed.papers.fitted import OWN_DATA, SET_TO_MATCH
 from slambed.papers.judged import MARKS, Judged, Mark
 from slambed.papers.kept import no_runs_words
-from slambed.papers.lookup import MISSING_WORDS
-from slambed.papers.orderings import KINDS, PARTLY
+from slambed.papers.orderings import JudgedOrdering, outcome_of
 from slambed.papers.origin import origin_words
 from slambed.papers.paper_claims import claim_lines
 from slambed.papers.paper_runs import experiments_of
 from slambed.papers.published import Paper, PublishedTable
 from slambed.papers.published.paper_plan import read_plan
+from slambed.papers.reasons import GROUP_WORDS, REASON_WORDS, count, reason_of
 from slambed.papers.registered import PlanLine, plan_lines, plan_words
 from slambed.report.load import Results
 
@@ -49,7 +55,8 @@ class TwinCell:
     id: str
     paper: str
     ours: list[tuple[str, Mark, str, str]]
-    """Per engine: our number, mark, reason, and how far off a fitted number is."""
+    """Per engine: our number, mark, reason, and and how far off a fitted number is, or where a
+    stand-in's number lies."""
 
 
 @dataclass(frozen=True)
@@ -99,10 +106,19 @@ def twin(verdicts: PaperVerdicts, table: PublishedTable) -> Twin:
                 cells.append(None if words is None else TwinCell("", str(words), []))
                 continue
             judged = [c.rows[place] for c in verdicts.columns]
-            ours = [(_short(j), j.mark, j.why, j.hint) for j in judged]
+            ours = [
+                (_short(j), j.mark, spelled(j.why, verdicts.paper), j.hint or _place_beside(j))
+                for j in judged
+            ]
             cells.append(TwinCell(place, _number(judged[0]), ours))
         rows.append((row.label, cells))
     return Twin(table, [c.label for c in table.columns.values()], rows)
+
+
+def _place_beside(row: Judged) -> str:
+    """Returns `0.44 x print` for a number that has no verdict because of its sequence."""
+    place = beside(row) if row.mark == "S" else None
+    return place.words if place is not None else ""
 
 
 def _number(row: Judged) -> str:
@@ -148,21 +164,22 @@ def why_not(verdicts: PaperVerdicts, column: Column) -> WhyNot:
             blocks[f"fitted, {SET_TO_MATCH}"] += 1
         elif row.mark == "E":
             blocks[row.why] += 1
-        elif row.missing == "too_few_runs" and row.why.partition(": ")[2].startswith("no "):
-            blocks[NOT_RUN] += 1
-        elif row.mark == "N" and row.missing:
-            blocks[f"{MISSING_WORDS[row.missing]}: {row.why}"] += 1
+        elif (reason := reason_of(verdicts, column, row)) == "not_played":
+            blocks[REASON_WORDS[reason]] += 1
+        elif reason == "recording":
+            blocks[f"{REASON_WORDS[reason]}: {_recording(verdicts, row)}"] += 1
+        elif reason is not None:
+            blocks[f"{REASON_WORDS[reason]}: {row.why}"] += 1
         elif row.mark == "I":
             blocks[_undecided(row)] += 1
-    if NOT_RUN in blocks:
-        blocks[f"{NOT_RUN}{_how_to_run(verdicts.paper)}"] = blocks.pop(NOT_RUN)
+    if (waiting := REASON_WORDS["not_played"]) in blocks:
+        blocks[f"{waiting}{_how_to_run(verdicts.paper)}"] = blocks.pop(waiting)
     found = blocks.most_common()
-    lines = [f"{count} {'number' if count == 1 else 'numbers'}: {text}" for text, count in found]
-    rest = sum(count for _, count in found[REASONS:])
+    lines = [
+        f"{_many(number, 'number')}: {spelled(text, verdicts.paper)}" for text, number in found
+    ]
+    rest = sum(number for _, number in found[REASONS:])
     return WhyNot(lines[:REASONS], lines[REASONS:], rest)
-
-
-NOT_RUN = "not run yet"
 
 
 def _how_to_run(paper: Paper) -> str:
@@ -183,6 +200,11 @@ def _stand_in(verdicts: PaperVerdicts, row: Judged) -> str:
     return f"{played_instead(ours, wanted)}; slambed data download {wanted}"
 
 
+def _recording(verdicts: PaperVerdicts, row: Judged) -> str:
+    dataset = verdicts.paper.datasets[str(row.cell.conditions["dataset"])]
+    return f"{dataset.label}; slambed data download {dataset.match[0]}"
+
+
 def _undecided(row: Judged) -> str:
     needed = row.verdict.runs_needed
     if needed is not None:
@@ -191,86 +213,92 @@ def _undecided(row: Judged) -> str:
 
 
 def headline(verdicts: PaperVerdicts, column: Column) -> list[str]:
-    """Returns the takeaway: a sentence about the claims, one about the numbers."""
-    claims, rows = claim_lines(column), list(column.rows.values())
+    """Returns what was learnt: a sentence about the orderings, one about the numbers."""
     if not column.engine:
-        twice = sum(row.mark == "P" for row in rows)
-        waiting = sum(row.mark in ("N", "E") for row in rows)
-        return [
-            f"Nothing was run yet. {len(claims)} main claims and {waiting} numbers wait; {twice} "
-            f"of the {len(rows)} printed numbers are settings or repeated."
-        ]
-    reported = [
-        f"{len(own)} {words[len(own) > 1]}{_weak([line.weak for line in own])}"
-        for outcome, words in CLAIM_WORDS.items()
-        if (own := [line for line in claims if line.words == outcome])
-    ]
-    found = [f"Of {len(claims)} main claims {', '.join(reported)}."] if claims else []
-    return [*found, _numbers(rows)]
+        waiting = _many(len(column.orderings), "ordering")
+        return [f"Nothing is played yet, {waiting} wait. {_numbers(verdicts, column)}"]
+    found = [" ".join(_orderings(column))] if column.orderings else []
+    return [*found, _numbers(verdicts, column)]
 
 
-CLAIM_WORDS: dict[str, tuple[str, str]] = {
-    KINDS["holds"]: ("holds", "hold"),
-    KINDS["reversed"]: ("is reversed", "are reversed"),
-    PARTLY["reversed"]: ("is reversed in part", "are reversed in part"),
-    KINDS["not_seen"]: ("is not seen", "are not seen"),
-    PARTLY["not_seen"]: ("is not seen in full", "are not seen in full"),
-    KINDS["too_few_runs"]: ("has too few runs", "have too few runs"),
-    KINDS["inconclusive"]: ("is inconclusive", "are inconclusive"),
-    KINDS["not_shown_by_paper"]: (
-        "is not shown by the paper itself",
-        "are not shown by the paper itself",
-    ),
-    KINDS["no_events"]: ("is run but kept without events", "are run but kept without events"),
-    KINDS["no_number"]: ("has no number of ours", "have no number of ours"),
-    KINDS["half_run"]: ("is not all run", "are not all run"),
-    KINDS["not_run"]: ("is not run", "are not run"),
+OUTCOME_WORDS: dict[str, tuple[str, str]] = {
+    "hold": ("holds", "hold"),
+    "reversed": ("is reversed", "are reversed"),
+    "in_part": ("is reversed in part", "are reversed in part"),
+    "not_seen": ("is not seen", "are not seen"),
+    "open": ("cannot be told", "cannot be told"),
+    "waiting": ("has no number of ours", "have no number of ours"),
+    "fitted": ("compares numbers set to match", "compare numbers set to match"),
 }
-"""Singular and plural."""
+"""Group -> singular and plural."""
 
 
-def _numbers(rows: list[Judged]) -> str:
-    """Returns the sentence about the numbers. It starts with how many could be compared, because
-    with none, none differs either."""
-    marks = Counter(row.mark for row in rows)
-    judged = {
-        "reproduced": marks["R"],
-        "differ" if marks["D"] != 1 else "differs": marks["D"],
-        "inconclusive": marks["I"],
+def _orderings(column: Column) -> list[str]:
+    """Returns one sentence per kind of sequences: the paper's own, others."""
+    by_place: dict[str, list[JudgedOrdering]] = {}
+    for item in sorted(column.orderings, key=lambda item: bool(item.stand_ins)):
+        by_place.setdefault("substitute" if item.stand_ins else "own", []).append(item)
+    if "own" in by_place and not any(o.begun for o in by_place["own"]):
+        by_place.setdefault("substitute", []).extend(by_place.pop("own"))
+    return [f"{_place(own)} {_outcomes(own)}." for own in by_place.values()]
+
+
+def _place(items: list[JudgedOrdering]) -> str:
+    """Returns what kind of sequences these orderings were played on."""
+    used = sorted({name for item in items for name in item.stand_ins})
+    recorded = [name for name in used if not is_generated(name)]
+    if not used:
+        return "On the paper's own sequences"
+    if not recorded:
+        return "On generated sequences"
+    generated = "generated sequences and " if len(recorded) < len(used) else ""
+    return f"On {generated}other recordings ({', '.join(recorded)})"
+
+
+@lru_cache
+def is_generated(dataset: str) -> bool:
+    """Returns whether a sequence is generated by slambed; False for one that is not known here."""
+    file = repository_root() / "catalog" / "datasets" / f"{dataset}.yaml"
+    if not is_file(file):
+        return False
+    recipe = load_recipe(file)
+    return recipe.synthetic is not None or bool(recipe.window_of and is_generated(recipe.window_of))
+
+
+def _outcomes(items: list[JudgedOrdering]) -> str:
+    """Returns `11 of 24 orderings hold, 2 are reversed, 11 cannot be told`."""
+    counts = Counter(outcome_of(item) for item in items)
+    rest = [
+        f"{counts[group]} {words[counts[group] > 1]}"
+        for group, words in OUTCOME_WORDS.items()
+        if counts[group] and group != "hold"
+    ]
+    holding = f"{counts['hold'] or 'none'} of {_many(len(items), 'ordering')}"
+    return ", ".join([f"{holding} {'hold' if counts['hold'] > 1 else 'holds'}", *rest])
+
+
+def _many(number: int, word: str) -> str:
+    return f"{number} {word}{'' if number == 1 else 's'}"
+
+
+def _numbers(verdicts: PaperVerdicts, column: Column) -> str:
+    """Returns the sentence about the numbers: every printed one is in one of its groups."""
+    counted = count(verdicts, column)
+    marks = Counter(row.mark for row in column.rows.values())
+    own_data = sum(row.provenance == "same_data" for row in column.rows.values())
+    derived = f" or follow from the print ({own_data})" if own_data else ""
+    words = {
+        "judged": f"are judged ({marks['R']} reproduced, {marks['D']} different, {marks['I']} "
+        "open)",
+        "beside": "stand beside the print and are not judged",
+        "fitted": f"were set to match{derived}",
+        "setting": "are settings or repeated",
+        "none": f"have none of ours ({counted.because})",
     }
-    compared = sum(judged.values())
-    aside = Counter(word for row in rows if (word := _not_compared(row)))
-    why = ", ".join(f"{aside[word]} {word}" for word in NOT_COMPARED if aside[word])
-    message = f"{compared} of {len(rows)} printed numbers could be compared"
-    if not compared:
-        return f"{message}: {why}."
-    outcomes = ", ".join(f"{count} {word}" for word, count in judged.items())
-    return f"{message}: {outcomes}." + (f" The others could not: {why}." if why else "")
-
-
-NOT_COMPARED = (
-    "played on stand-ins (substitute data)", "fitted (set to match)",
-    "from the paper's own data", "settings or repeated",
-    "run but kept without events", "without a number of ours", "not run",
-)  # fmt: skip
-"""Groups that are neither agreement nor difference."""
-
-
-def _not_compared(row: Judged) -> str:
-    substitute, fitted, own_data, setting, no_events, no_number, not_run = NOT_COMPARED
-    words: dict[Mark, str] = {"S": substitute, "F": fitted, "P": setting, "E": no_events}
-    if row.mark == "N":
-        return no_number if row.missing == "no_metric" else not_run
-    return own_data if row.provenance == "same_data" else words.get(row.mark, "")
-
-
-def _weak(reasons: list[str]) -> str:
-    """Returns ` (on a stand-in)` if it applies to all, else ` (1 on a stand-in, 2 fitted)`."""
-    counts = Counter(reason for reason in reasons if reason)
-    if list(counts.values()) == [len(reasons)]:
-        return f" ({next(iter(counts))})"
-    message = ", ".join(f"{count} {reason}" for reason, count in counts.items())
-    return f" ({message})" if message else ""
+    found = [
+        f"{counted.groups[group]} {words[group]}" for group in GROUP_WORDS if counted.groups[group]
+    ]
+    return f"Of {counted.printed} printed numbers {', '.join(found)}."
 
 
 RUNS_WORDS = {"virtual": "runs simulated in virtual time"}
@@ -302,7 +330,7 @@ def circumstance(
         {r.name: _seeds(r) for r in used},
         [f.name for f in column.fits],
         [r.name for r in used],
-        lines,
+        [replace(line, text=spelled(line.text, verdicts.paper)) for line in lines],
     )
 
 

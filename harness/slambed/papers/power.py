@@ -3,6 +3,7 @@
 
 from dataclasses import dataclass
 from datetime import datetime
+from math import fsum
 from pathlib import Path
 
 import numpy as np
@@ -86,7 +87,7 @@ def number_powers(paper: Paper, runs: tuple[int, ...] = RUNS) -> Table:
     for item in paper.tables:
         own = [c for c in cells.values() if c.source == item.id and _judged(c)]
         chances = [[_chance(judge, c, n) for c in own] for n in runs]
-        table.rows.append([item.label, str(len(own)), *(f"{sum(c):.1f}" for c in chances)])
+        table.rows.append([item.label, str(len(own)), *(f"{fsum(c):.1f}" for c in chances)])
     return table
 
 
@@ -144,7 +145,7 @@ def costs(
         seconds = per_run if per_run is not None else played_s * VIRTUAL_SHARE / jobs
         minutes = cells * runs * seconds / 60
         found.append(Cost(name, cells, runs, minutes, per_run is not None))
-    total = sum(cost.minutes for cost in found)
+    total = fsum(cost.minutes for cost in found)
     source = f"plan {plan.digest}" if plan is not None else "the experiments' own numbers of runs"
     caption = (
         f"Virtual runs by {source}: {sum(c.cells * c.runs for c in found)} in {total / 60:.1f} h; "

@@ -2,8 +2,10 @@
 """Draws one strip per paper as SVG: how far ours is from every judged number, with the margins."""
 
 from dataclasses import dataclass
-from math import log
+from math import isfinite, log, nan
 
+from slambed.papers.beside import beside
+from slambed.papers.codes import named
 from slambed.papers.judged import Judged, Mark
 
 COLORS: dict[Mark, str] = {
@@ -11,6 +13,8 @@ COLORS: dict[Mark, str] = {
     "S": "#7CC4EE", "P": "#9A9A9A",
 }  # fmt: skip
 """Hues of Okabe and Ito where they have one; letters repeat them for grayscale prints."""
+JUDGED: tuple[Mark, ...] = ("R", "D", "I")
+"""Marks that are drawn in full; others, such as stand-ins, are drawn lighter."""
 WIDTH = 640
 LABEL = 170
 LANE = 20
@@ -49,20 +53,21 @@ class Lane:
 def lanes_of(rows: list[Judged]) -> list[Lane]:
     """Returns one lane per metric, with the numbers whose effect fits a common axis (log ratio, or
     points)."""
-    drawn = [
-        r for r in rows if r.verdict.effect == r.verdict.effect and r.verdict.scale != "difference"
-    ]
+    drawn = [(r, place.scale) for r in rows if (place := beside(r)) is not None]
     found = []
     for ratio in (True, False):
-        own = [r for r in drawn if (r.verdict.scale == "ratio") == ratio]
+        own = [r for r, scale in drawn if (scale == "ratio") == ratio]
         for metric in dict.fromkeys(r.cell.metric for r in own):
             found.append(Lane(metric, ratio, [r for r in own if r.cell.metric == metric]))
     return found
 
 
-def strip_svg(rows: list[Judged], prefix: str) -> str:
-    """Returns the SVG; every point links to `#<prefix><cell id>`. Empty if nothing can be drawn."""
+def strip_svg(rows: list[Judged], prefix: str, most: int | None = None) -> str:
+    """Returns the SVG; every point links to `<prefix><cell id>`. Empty if nothing can be drawn.
+    `most`: only as many metrics, those with the most numbers."""
     lanes = lanes_of(rows)
+    largest = sorted(lanes, key=lambda lane: -len(lane.rows))[:most]
+    lanes = [lane for lane in lanes if lane in largest]
     if not lanes:
         return ""
     parts: list[str] = []
@@ -83,7 +88,8 @@ def strip_svg(rows: list[Judged], prefix: str) -> str:
 
 
 def _lane(lane: Lane, middle: float, prefix: str) -> str:
-    bound = min(r.verdict.bound for r in lane.rows)
+    judged = [r.verdict.bound for r in lane.rows if r.mark in JUDGED]
+    bound = min(judged, default=nan)
     left, right, half = lane.place(-bound), lane.place(bound), lane.height / 2 - 2
     parts = [
         f'<text class="lane" x="{LABEL - 8}" y="{middle + 3.5:.1f}">{_words(lane.metric)}</text>',
@@ -97,13 +103,20 @@ def _lane(lane: Lane, middle: float, prefix: str) -> str:
     for number, row in enumerate(lane.rows):
         verdict = row.verdict
         y = middle - half + 2 * half * (number + 0.5) / len(lane.rows)
-        message = f"{row.cell.id}: paper {row.stated}, ours {row.ours}; {verdict.why}"
+        place = beside(row)
+        assert place is not None
+        light = "" if row.mark in JUDGED else ' class="light"'
+        what = f"{named(row.cell, {})}: paper {row.stated}, ours {row.ours}, {place.words}"
+        whisker = ""
+        if verdict.scale == place.scale and isfinite(verdict.low) and isfinite(verdict.high):
+            whisker = (
+                f'<line class="whisker" x1="{lane.place(verdict.low):.1f}" '
+                f'x2="{lane.place(verdict.high):.1f}" y1="{y:.1f}" y2="{y:.1f}" '
+                f'stroke="{COLORS[row.mark]}"/>'
+            )
         parts.append(
-            f'<a href="#{prefix}{row.cell.id}"><title>{escaped(message)}</title>'
-            f'<line class="whisker" x1="{lane.place(verdict.low):.1f}" '
-            f'x2="{lane.place(verdict.high):.1f}" y1="{y:.1f}" y2="{y:.1f}" '
-            f'stroke="{COLORS[row.mark]}"/>'
-            f'<circle cx="{lane.place(verdict.effect):.1f}" cy="{y:.1f}" r="3" '
+            f'<a href="{prefix}{row.cell.id}"{light}><title>{escaped(what)}</title>{whisker}'
+            f'<circle cx="{lane.place(place.effect):.1f}" cy="{y:.1f}" r="3" '
             f'fill="{COLORS[row.mark]}"/></a>'
         )
     return "".join(parts)
@@ -146,7 +159,7 @@ def histogram_svg(bins: tuple[int, ...]) -> str:
 
 def _words(metric: str) -> str:
     text = metric.replace("_", " ")
-    return escaped(text if len(text) <= 28 else text[:27] + "…")
+    return escaped(text if len(text) <= 24 else text[:23] + "…")
 
 
 def escaped(text: str) -> str:

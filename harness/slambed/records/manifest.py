@@ -116,6 +116,8 @@ class Manifest(Record):
     """ISO 8601."""
     versions: dict[str, str | None] | None = None
     """Versions of slambed, Python and the packages that compute metrics."""
+    python_packages: dict[str, str] | None = None
+    """Package -> version of a system with Python packages; null for others."""
     attempt: int | None = None
     """Number of the attempt, counted from 1."""
     frames_offered: int | None = None

@@ -8,6 +8,7 @@ time.
 """
 
 from dataclasses import dataclass
+from math import fsum
 
 import numpy as np
 
@@ -117,9 +118,9 @@ def compute_times(results: Results) -> list[ComputeTime]:
             stages = [e for e in log.of("stage", node="mobile") if e.get("name") in STAGES]
             if not stages:
                 continue
-            ran.append(sum(float(e.get("wall_ms") or 0.0) for e in stages) / frames)
+            ran.append(fsum(float(e.get("wall_ms") or 0.0) for e in stages) / frames)
             if model is not None:
-                charged.append(sum(_charged_ms(model, e) for e in stages) / frames)
+                charged.append(fsum(_charged_ms(model, e) for e in stages) / frames)
         if ran and np.median(ran) > 0:
             model_ms = (float(np.median(charged)) or None) if charged else None
             ran_ms = float(np.median(ran))

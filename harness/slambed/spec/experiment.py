@@ -24,6 +24,9 @@ HOST_PACE: Pace = "host"
 DEVICE_PACE: Pace = "device"
 
 
+MAX_RUN_MB = 2000
+
+
 class Playback(BaseModel):
     """How frames are offered to tracking."""
 
@@ -99,6 +102,9 @@ class SystemChoice(BaseModel):
     """Name of this row in tables; `system` or `system:variant` when not given."""
     profiles: list[str] | None = None
     """The subset of the experiment's link profiles for this system; all when not given."""
+    datasets: list[str] | None = None
+    """The subset of the experiment's datasets for this system, for example those that have its
+    sensor; all when not given."""
     devices: OwnDevices = Field(default_factory=OwnDevices)
     """Replaces the experiment's devices."""
     faults: Faults | None = None
@@ -194,6 +200,9 @@ class Experiment(BaseModel):
     """Repetitions of every cell."""
     seed: int = Field(default=1, ge=0, lt=2**31)
     """Repetition k of every cell has the same seed, which follows from this one."""
+    max_run_mb: int = Field(default=MAX_RUN_MB, ge=1)
+    """What a run may write into its folder, in MB of 2^20 bytes: files, and what its programs
+    print. A run that writes more is ended, with outcome `died`."""
     tolerances: Tolerances = Field(default_factory=Tolerances)
     """Outside of which a run is invalid."""
     report: Report = Field(default_factory=Report)
@@ -207,6 +216,10 @@ class Experiment(BaseModel):
         if len(set(value)) != len(value):
             raise ValueError("a dataset is named twice")
         return value
+
+    def datasets_of(self, choice: SystemChoice) -> list[str]:
+        """Returns the datasets that a system of this experiment plays."""
+        return self.datasets if choice.datasets is None else choice.datasets
 
 
 def has_cuts(experiment: Experiment) -> bool:

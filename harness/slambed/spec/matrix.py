@@ -143,7 +143,7 @@ def expand(
         edge = of_role("edge") if system.has_edge else None
         live = host.engine != VIRTUAL
         boards = live and any(d is not None and d.board for d in (mobile, edge))
-        for dataset in experiment.datasets:
+        for dataset in _datasets_of(experiment, choice, source, index):
             if dataset not in host.datasets:
                 continue  # skipped, see Experiment.missing_datasets
             found, checksum = host.datasets[dataset]
@@ -195,6 +195,7 @@ def expand(
                             seed=experiment.seed + repetition,
                             software=host.software_of.get(system.name, host.software),
                             host_speed=host.host_speed if boards else None,
+                            max_run_mb=experiment.max_run_mb,
                             tolerances=experiment.tolerances,
                         )
                     )
@@ -231,6 +232,20 @@ def label_of(choice: SystemChoice, system: System) -> str:
         return choice.label
     variant = system.choose_variant(choice.variant)
     return system.name if not system.variants else f"{system.name}:{variant}"
+
+
+def _datasets_of(
+    experiment: Experiment, choice: SystemChoice, source: YamlSource, index: int
+) -> list[str]:
+    """Returns the datasets of a system. Raises SlambedError for one that the experiment lacks."""
+    for position, name in enumerate(choice.datasets or []):
+        if name not in experiment.datasets:
+            raise source.complaint(
+                f"dataset '{name}' is not among the experiment's datasets",
+                ("systems", index, "datasets", position),
+                suggestion(name, experiment.datasets),
+            )
+    return experiment.datasets_of(choice)
 
 
 def _profiles_of(
@@ -308,18 +323,20 @@ def _playback_end_s(playback: Playback, host: Circumstances) -> float:
 
 def _end_must_be_inside(experiment: Experiment, source: YamlSource, host: Circumstances) -> None:
     """Rejects an end beyond that of the sequence as a mistake. A stand-in for a sequence may be
-    shorter."""
-    playback = experiment.playback
-    if playback.end_s is None:
+    shorter. Times count from the begin of the sequence, also for a window of it, whose file names
+    where its playback starts."""
+    end_s = experiment.playback.end_s
+    if end_s is None:
         return
     for name, (found, _) in host.datasets.items():
         played_s = host.played_s.get(name)
         if played_s is None or (found != name and "/" not in name):
             continue
-        if playback.end_s - playback.start_s > played_s + END_SLACK_S:
+        start_s = host.playbacks.get(name, experiment.playback).start_s
+        if end_s - start_s > played_s + END_SLACK_S:
             raise source.complaint(
-                f"playback.end_s {playback.end_s:g} is after the end of {found}, which lasts "
-                f"{playback.start_s + played_s:.1f} s",
+                f"playback.end_s {end_s:g} is after the end of {found}, which lasts "
+                f"{start_s + played_s:.1f} s",
                 ("playback", "end_s"),
                 "leave it out to play all of it",
             )

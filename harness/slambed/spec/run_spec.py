@@ -11,7 +11,14 @@ from pydantic import BaseModel, ConfigDict, Field
 
 from slambed.spec.board import Board
 from slambed.spec.device import Device
-from slambed.spec.experiment import DEVICE_PACE, HOST_PACE, Pace, Playback, Tolerances
+from slambed.spec.experiment import (
+    DEVICE_PACE,
+    HOST_PACE,
+    MAX_RUN_MB,
+    Pace,
+    Playback,
+    Tolerances,
+)
 from slambed.spec.faults import Fault, as_json
 from slambed.spec.masks import Masks
 from slambed.spec.runtime import Runtime
@@ -77,6 +84,8 @@ class RunSpec(BaseModel):
     host_speed: float | None = None
     """Core speed of the host that the limits of a board were derived with. None without a board,
     and where each of several hosts has its own speed: those runs emulate the board on any host."""
+    max_run_mb: int = MAX_RUN_MB
+    """What it may write; decides the outcome of a run that writes more."""
     tolerances: Tolerances
 
     def meaning(self) -> dict[str, Any]:
@@ -92,6 +101,8 @@ class RunSpec(BaseModel):
             further["masks"] = self.masks.meaning()
         if self.paced:
             further["pace"] = self.pace
+        if self.max_run_mb != MAX_RUN_MB:
+            further["max_run_mb"] = self.max_run_mb
         if self.further_masks:
             further["further_masks"] = [masks.meaning() for masks in self.further_masks]
         return further | {

@@ -60,6 +60,34 @@ class RoleRuntime(BaseModel):
     need not."""
 
 
+class PythonPackages(BaseModel):
+    """Packages of PyPI that a system in Python needs. The harness installs them once into an
+    environment in the cache, which nodes read; the resolved versions are part of run keys."""
+
+    model_config = STRICT
+
+    requires: list[Annotated[str, Field(min_length=1, pattern=r"^[^-\s]")]] = Field(
+        default_factory=list
+    )
+    """Requirements as pip has them, such as `numpy==2.2.1`."""
+    requirements: str = ""
+    """Name of a requirements file in the system's folder, with or without hashes; it replaces
+    `requires`."""
+    version: str = Field(default="", pattern=r"^(3\.\d+)?$")
+    """Minor version of Python, such as `"3.11"`; the default is that of slambed's own Python."""
+    apt: list[Annotated[str, Field(pattern=r"^[a-z0-9][a-z0-9.+-]+$")]] = Field(
+        default_factory=list
+    )
+    """Debian packages that the Python packages need. On engine local the host must have them; they
+    are never installed there by slambed. An image that slambed makes has them."""
+
+    @model_validator(mode="after")
+    def _has_one_list(self) -> "PythonPackages":
+        if bool(self.requires) == bool(self.requirements):
+            raise ValueError("python needs either requires or requirements")
+        return self
+
+
 class Runtime(BaseModel):
     """How the programs of both roles are started."""
 
@@ -71,6 +99,8 @@ class Runtime(BaseModel):
     """Files outside the folder that belong to the software, such as a binary or a vocabulary."""
     ready_s: float = Field(default=30.0, gt=0, le=3600)
     """Timeout from the start until the program reports that it is ready."""
+    python: PythonPackages | None = None
+    """Packages of PyPI that the programs import."""
     reads: Layout | None = None
     """Layout of the recorded folder that the mobile role reads instead of frames from
     slambed-play."""
@@ -131,13 +161,17 @@ class Runtime(BaseModel):
         return self.of(role).image or self.image
 
 
-def foreign_digest(runtime: Runtime, folder: Path, images: Mapping[str, str]) -> str:
+def foreign_digest(
+    runtime: Runtime, folder: Path, images: Mapping[str, str], packages: str = ""
+) -> str:
     """Returns SHA-256 (12 hex digits) of a system's software: its runtime section, the files of
-    its folder, the files it names, its programs and its image ids. Raises SlambedError for
-    missing files."""
-    # Systems that read no folder or request no GPU keep the run keys from before these options
-    # existed.
+    its folder, the files it names, its programs, its image ids and its installed `packages`.
+    Raises SlambedError for missing files."""
+    # Systems that read no folder, need no packages or request no GPU keep the run keys from before
+    # these options existed.
     unused = OF_A_FOLDER if runtime.reads is None else set()
+    if runtime.python is None:
+        unused = unused | {"python"}
     left_out: dict[str, Any] = dict.fromkeys(("ready_s", *unused), True)
     for role in ("mobile", "edge"):
         part = getattr(runtime, role)
@@ -160,6 +194,8 @@ def foreign_digest(runtime: Runtime, folder: Path, images: Mapping[str, str]) ->
         digest.update(f"{kind}\0{name}\0{content}\n".encode())
     for name, identity in sorted(images.items()):
         digest.update(f"image\0{name}\0{identity}\n".encode())
+    if packages:
+        digest.update(f"packages\0{packages}".encode())
     return digest.hexdigest()[:DIGEST_DIGITS]
 
 

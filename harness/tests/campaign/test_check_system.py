@@ -94,6 +94,15 @@ def test_a_planted_defect_is_red(system: Path, defect: str) -> None:
     assert red and expected in red[0]
 
 
+def test_a_failing_program_shows_its_last_lines(system: Path) -> None:
+    program = system.parent / "run.py"
+    good, bad, _ = DEFECTS["fails"]
+    program.write_text(program.read_text().replace(good, bad))
+    code, out, _ = slambed("check-system", str(system))
+    _, _, printed = out.partition("last lines that the mobile program printed:\n")
+    assert code == 1 and "Traceback" in printed and "1 / (10 - frame.index)" in printed
+
+
 def copied_examples(tmp_path: Path) -> Path:
     folder = tmp_path / "visual_odometry"
     folder.mkdir()

@@ -48,3 +48,23 @@ def test_a_system_that_crashes_in_three_runs_of_ten_is_reported_everywhere(tmp_p
     # 30 % with Wilson's interval for 12 of 40.
     assert str(cells[share].iloc[0]).startswith("30 [18, 45]")
     terminal_summary(folder.path)
+
+
+def test_a_run_that_writes_too_much_is_a_result_and_the_campaign_goes_on(tmp_path: Path) -> None:
+    (tmp_path / "sequence").mkdir()
+    folder = ResultFolder(tmp_path / "results" / "tiny")
+    folder.create()
+    executor = ProcessExecutor(
+        {"room": (tmp_path / "sequence", 0.5)}, stand_in_sim(tmp_path), None, 1
+    )
+    acts = ("flood", "play")
+    todo = [virtual_spec(cell=act, params={"sim_act": act}, max_run_mb=20) for act in acts]
+    verdict = Runner(folder, Ledger(folder.path / "ledger.jsonl"), executor).run(todo, Quiet())
+    assert (verdict.done, verdict.valid, verdict.not_completed) == (2, 2, 1)
+    summaries = [folder.store.summary(spec.run_key) for spec in todo]
+    assert [summary and summary["outcome"] for summary in summaries] == ["died", "completed"]
+    assert summaries[0] and "more than 20 MB" in str(summaries[0]["outcome_reason"])
+    assert [folder.store.attempts_of(spec.run_key) for spec in todo] == [1, 1]
+    kept = sum(path.stat().st_size for path in folder.store.runs.rglob("*") if path.is_file())
+    assert kept < 20 << 20, "the store must not keep what filled the disk"
+    folder.close()

@@ -6,6 +6,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 from data_samples import write_prepared
 from harness_parts import (
@@ -91,6 +92,25 @@ def test_a_dataset_has_playback_for_what_an_experiment_leaves_open(
     # The run's meaning includes the dataset's defaults.
     monkeypatch.setattr(planning, "prepare_sequence", lambda name, notify: own)
     assert {s.playback.fps for s in plan_with(["here"], tmp_path).specs} == {5.0}
+
+
+def test_the_end_of_a_window_counts_from_the_begin_of_the_whole_sequence(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("SLAMBED_CACHE", str(tmp_path / "cache"))
+    whole = prepare_sequence(str(write_prepared(tmp_path / "here").path))
+    lap2 = replace(whole, times_s=np.linspace(0, 9, 10), defaults=DatasetPlayback(start_s=5))
+    monkeypatch.setattr(planning, "prepare_sequence", lambda name, notify: lap2)
+    monkeypatch.setattr(planning, "kept_sequence", lambda name: lap2)
+    monkeypatch.setattr(planning, "sensor_of", lambda name: lap2.sensor)
+    (spec, *_) = plan_with(["tiny"], tmp_path, playback={"end_s": 8}).specs
+    assert (spec.playback.start_s, spec.playback.end_s) == (5, 8)
+    library = Library(tmp_path)
+    experiment, source = library.experiment("tiny")
+    experiment = experiment.model_copy(update={"missing_datasets": "skip"})
+    assert planning.check(experiment, source, library) == []
+    with pytest.raises(SlambedError, match=r"end_s 11 is after .* which lasts 9\.0 s"):
+        plan_with(["tiny"], tmp_path, playback={"end_s": 11})
 
 
 def test_a_fault_after_the_end_of_a_sequence_is_refused(

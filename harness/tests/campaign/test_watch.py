@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """`slambed watch` reports on a running campaign without disturbing it."""
 
+import io
 import json
 import os
 import re
@@ -11,12 +12,15 @@ from pathlib import Path
 import pytest
 from command_line import refused, slambed
 from results_factory import RawRun, write_raw
+from rich.console import Console
 from virtual_parts import make_sequence, needs_programs, write_experiment
 from waiting import until
 
 from slambed.campaign.campaign_state import InHand
 from slambed.campaign.ledger import Ledger
+from slambed.campaign.recent import SECONDS, Recent
 from slambed.campaign.run_in_hand import RunFollower
+from slambed.commands.watch_view import Sparkline, spark
 from slambed.errors import ExitCode
 from slambed.metrics.events import read_jsonl
 
@@ -94,6 +98,39 @@ def test_one_look_shows_queue_and_run(results: Path) -> None:
     assert "1 of 3 runs done, 1 in hand, 1 left, 2 were there before, about" in out
     assert "sys/room/ramp #2 (k2)" in out and "1 track losses" in out
     assert re.search(r"mobile +CPU \d+ % of a core, \d+ MB", out) and "edge" in out
+
+
+def test_curves_of_the_last_seconds_are_beside_the_numbers(results: Path) -> None:
+    samples, _ = read_jsonl(raw_of(results) / "samples.jsonl")
+    found = RunFollower(InHand("k2", "x", 0.0), raw_of(results), None).look(0.0)
+    last_second = int(samples[-1]["t_s"])
+    for node in ("mobile", "edge"):
+        own = [
+            s["cpu_percent"] for s in samples if (s["node"], s["t_s"] // 1) == (node, last_second)
+        ]
+        assert found.recent[node][-1] == pytest.approx(sum(own) / len(own))
+        # From the second before the run began until its last one.
+        assert len(found.recent[node]) == last_second + 2
+    assert set(found.recent) == {"mobile", "edge", "track_ms"}
+    _, out, _ = slambed("watch", "--once", "--results", str(results), COLUMNS="100")
+    curves = re.findall(r"([\u2581-\u2588]{10,}) 0 to (\d+) (ms|%)", out)
+    assert [unit for _, _, unit in curves] == ["ms", "%", "%"]
+    assert all("\u2588" in curve for curve, _, _ in curves)
+    file = io.TextIOWrapper(io.BytesIO(), encoding="ascii")
+    Console(file=file, width=40).print(Sparkline([1.0, 2.0, None, 4.0], "ms"))
+    file.seek(0)
+    assert file.read() == "-= # 0 to 4 ms\n"
+
+
+def test_a_curve_has_a_gap_where_nothing_was_measured() -> None:
+    recent = Recent()
+    for t_s, value in ((1.2, 10.0), (1.9, 30.0), (3.5, 40.0)):
+        recent.add(t_s, value)
+    assert recent.values() == [20.0, None, 40.0]
+    assert spark(recent.values(), 40.0, "0123456789") == "4 9"
+    for second in range(4, 100):
+        recent.add(second, 1.0)
+    assert recent.values() == [1.0] * SECONDS
 
 
 def test_a_narrow_terminal_shows_the_same(results: Path) -> None:

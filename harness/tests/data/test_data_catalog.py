@@ -210,7 +210,7 @@ def test_an_absolute_path_is_where_it_says(home: Path) -> None:
     assert catalog(home).locate(catalog(home).get("far")) == home / "data/tiny_tum"
 
 
-@pytest.mark.parametrize("pattern", ["''", "/", "a**b"])
+@pytest.mark.parametrize("pattern", ["''", "/", "a**b", "scans/**.png"])
 def test_what_is_no_pattern_is_reported_with_its_line(tmp_path: Path, pattern: str) -> None:
     file = tum_recipe(tmp_path, paths=f"[{pattern}]")
     with pytest.raises(SlambedError) as error:

@@ -5,6 +5,7 @@ import contextlib
 import io
 import json
 import os
+import re
 import socket
 import tarfile
 import threading
@@ -56,6 +57,7 @@ until [ -e /out/start.json ]; do sleep 0.02; done
 case "$role $(cat /out/run.json)" in
   "edge "*die*) sleep 0.6; exit 139;;
   "mobile "*long*|"edge "*stay*) sleep 60 & wait;;
+  "mobile "*flood*) yes "a long line of a program that reports every step";;
   "mobile "*hungry*) x=$(head -c 900m /dev/zero | tr '\0' x);;
 esac
 [ $role = mobile ] && sleep 1
@@ -142,6 +144,37 @@ def test_two_containers_complete_a_run_within_their_limits(bench: Bench) -> None
     assert not (mobile / "writable.txt").exists()
     rows = [json.loads(x) for x in (bench.raw / "samples.jsonl").read_text().splitlines()]
     assert {row["node"] for row in rows} == {"mobile", "edge"}
+
+
+def test_a_program_that_prints_without_end_is_ended_and_said_so(bench: Bench) -> None:
+    """The daemon keeps what it prints where nobody else sees how large that is."""
+    began_s = time.monotonic()
+    result = bench.run(docker_spec(params={"x": "flood"}, max_run_mb=8))
+    assert result.outcome == "died" and time.monotonic() - began_s < 25
+    assert "more than 8 MB (max_run_mb of the experiment)" in (result.reason or "")
+    assert "the largest is mobile/log.txt with 8 MB" in (result.reason or "")
+    assert result.invalid_reasons == []
+
+
+def test_the_daemon_keeps_no_more_of_the_output_than_the_limit(bench: Bench) -> None:
+    plan = NodePlan(
+        role="mobile",
+        run_key="cafe",
+        run_dir=bench.raw,
+        sequence=bench.sequence,
+        limits=Limits(),
+        cpus=[0],
+        limit_bytes=5 << 20,
+    )
+    node = bench.engine.start(plan)
+    try:
+        assert CLIENT is not None
+        host = CLIENT.containers.get("slambed-cafe-mobile").attrs["HostConfig"]
+        assert host["LogConfig"]["Config"] == {"max-size": "5242880", "max-file": "2"}
+        limit = Path(f"/proc/{node.pid}/limits").read_text()
+        assert re.search(r"Max file size +5242880 +5242880", limit), limit
+    finally:
+        node.remove()
 
 
 def test_containers_go_before_others_as_the_nodes_of_engine_local_do(bench: Bench) -> None:

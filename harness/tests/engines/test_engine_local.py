@@ -22,6 +22,7 @@ from slambed.engines.cgroups import CgroupMaker
 from slambed.engines.live_run import LiveRun
 from slambed.engines.local import LocalEngine
 from slambed.engines.result import InterruptedRunError, RunResult
+from slambed.engines.written_bytes import KEPT_BYTES
 from slambed.errors import SlambedError
 from slambed.sampling.cgroup import Granted, mounted
 from slambed.spec.device import Board, Device, Limits
@@ -207,6 +208,47 @@ def test_an_edge_that_dies_is_an_outcome_and_the_mobile_goes_on(bench: Bench) ->
 def test_a_mobile_that_dies_is_an_outcome(bench: Bench) -> None:
     result = bench.run(run_spec(edge=True, params={"mobile_act": "die"}))
     assert result.outcome == "died"
+
+
+@pytest.mark.parametrize(
+    ("act", "largest"),
+    [("flood", "mobile/log.txt"), ("many", "files, the largest is")],
+    ids=["log", "files"],
+)
+def test_a_system_that_writes_without_end_is_ended_and_said_so(
+    bench: Bench, act: str, largest: str
+) -> None:
+    result = bench.run(run_spec(edge=True, params={"mobile_act": act}, max_run_mb=20))
+    assert result.outcome == "died" and result.invalid_reasons == []
+    assert "more than 20 MB (max_run_mb of the experiment)" in (result.reason or "")
+    assert largest in (result.reason or "")
+    # What is kept of it is short, and the limit is also the kernel's for each file.
+    log = bench.folder / "raw" / "mobile" / "log.txt"
+    assert log.stat().st_size <= KEPT_BYTES
+    events = bench.folder / "raw" / "mobile" / "events.jsonl"
+    assert len(events.read_text().splitlines()) == 5
+
+
+def test_a_mobile_that_prints_too_much_before_it_is_ready_is_ended(bench: Bench) -> None:
+    (bench.folder / "slambed-node").write_text("#!/bin/sh\nexec yes\n")
+    began_s = time.monotonic()
+    result = bench.run(run_spec(max_run_mb=5))
+    assert result.outcome == "died" and "more than 5 MB" in (result.reason or "")
+    assert time.monotonic() - began_s < 15
+
+
+def test_no_file_of_a_node_grows_beyond_the_limit(bench: Bench) -> None:
+    """Not even one that nobody counts: outside of the run folder, or deleted while open."""
+    raw = bench.folder / "raw"
+    (raw / "mobile").mkdir(parents=True)
+    cpus = sorted(os.sched_getaffinity(0))
+    plan = NodePlan("mobile", "gate", raw, bench.folder, Limits(), cpus, limit_bytes=3 << 20)
+    node = bench.engine.start(plan)
+    try:
+        limits = Path(f"/proc/{node.pid}/limits").read_text()
+        assert re.search(r"Max file size +3145728 +3145728", limits), limits
+    finally:
+        node.remove()
 
 
 def test_memory_beyond_the_limit_kills_the_node_and_says_so(bench: Bench) -> None:

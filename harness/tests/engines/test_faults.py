@@ -20,6 +20,7 @@ from slambed.link.named_profile import backend_for, read_profile
 from slambed.link.profile import parse_profile
 from slambed.metrics.events import read_events
 from slambed.metrics.faults import faults_in_words, spans
+from slambed.spec.experiment import Playback
 from slambed.spec.faults import Fault, check_faults, with_cuts
 from slambed.spec.library import Library
 from slambed.spec.matrix import Circumstances, expand, read_profiles
@@ -128,6 +129,12 @@ def test_an_end_after_that_of_the_sequence_is_refused(tmp_path: Path) -> None:
     assert "end_s 2 is after the end of room, which lasts 0.9 s" in line and "line 9" in line
     assert matrix(tmp_path, text, host=replace(short, played_s={"room": 1.9}))
     assert matrix(tmp_path, text, host=replace(short, datasets={"room": ("other", "abc")}))
+    # A window starts where its file says; its end counts from the begin of the whole sequence.
+    text = text.replace("end_s: 2", "end_s: 115")
+    window = replace(short, playbacks={"room": Playback(start_s=105, end_s=115)})
+    assert matrix(tmp_path, text, host=replace(window, played_s={"room": 10.0}))
+    line = complaint_of(tmp_path, text, replace(window, played_s={"room": 5.0}))
+    assert "end_s 115 is after the end of room, which lasts 110.0 s" in line and "line 9" in line
 
 
 def test_faults_need_an_edge(tmp_path: Path) -> None:

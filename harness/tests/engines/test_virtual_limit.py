@@ -3,6 +3,7 @@
 
 import contextlib
 import os
+import re
 import signal
 import threading
 import time
@@ -16,6 +17,7 @@ from harness_parts import stand_in_sim, virtual_spec
 from waiting import in_background, until
 
 from slambed.engines.virtual import VirtualRun
+from slambed.engines.written_bytes import KEPT_BYTES
 from slambed.errors import ExitCode, PassingError
 
 
@@ -78,3 +80,22 @@ def test_a_host_that_leaves_a_run_little_time_changes_no_outcome(
         result = run.execute(threading.Event())
     assert result.outcome == "timed_out"
     assert spent[0] < 2.0 and time.monotonic() - began_s > 3.0 + 2.0 - spent[0]
+
+
+def test_a_run_that_writes_without_end_has_died_of_that(tmp_path: Path) -> None:
+    (tmp_path / "raw").mkdir()
+    spec = virtual_spec(params={"sim_act": "flood"}, max_run_mb=30)
+    program = stand_in_sim(tmp_path)
+    run = VirtualRun(spec, tmp_path, 0.1, tmp_path / "raw", program, None)
+    result = run.execute(threading.Event())
+    assert result.outcome == "died"
+    reason = r"it wrote more than 30 MB \(max_run_mb of the experiment\): .* log\.txt with \d+ MB"
+    assert re.fullmatch(reason, result.reason or ""), result.reason
+    assert simulation() is None
+    assert (tmp_path / "raw" / "log.txt").stat().st_size <= KEPT_BYTES
+
+
+def test_the_limit_is_part_of_the_key_where_it_is_not_the_usual_one() -> None:
+    """It decides the outcome of a run; a run without it keeps the key it had before."""
+    usual, other = virtual_spec(), virtual_spec(max_run_mb=30)
+    assert "max_run_mb" not in usual.meaning() and usual.run_key != other.run_key

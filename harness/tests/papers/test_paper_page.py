@@ -7,17 +7,21 @@ from html.parser import HTMLParser
 from pathlib import Path
 
 import pytest
+from markupsafe import escape
 from test_compare import DOCUMENTED, PAPER_CONVENTIONAL, PAPER_ENHANCED, results_of, table_2
 
 from slambed.errors import SlambedError
 from slambed.papers import compare, paper_view
+from slambed.papers.codes import spelled
 from slambed.papers.compare import compare_paper
 from slambed.papers.fits import DeviceFit
 from slambed.papers.lookup import pool_of
+from slambed.papers.orderings import outcome_of
 from slambed.papers.paper_claims import claim_lines, in_short
 from slambed.papers.paper_page import PaperPage, write_overview, write_paper_page
 from slambed.papers.paper_view import twelve_lines
 from slambed.papers.published import Paper, read_papers
+from slambed.papers.reasons import count_json, count_table
 from slambed.report.load import Results
 
 
@@ -122,7 +126,7 @@ def test_claims_come_before_numbers_and_engines_stay_apart(page: PaperPage) -> N
     assert "never summed" in html
     assert "HOLDS" in html
     assert "same ordering" not in html
-    assert re.search(r"\d+ of 163 printed numbers could be compared: \d+ reproduced, ", html)
+    assert re.search(r"Of 163 printed numbers \d+ are judged \(\d+ reproduced, ", html)
     assert "(seeds 7 to 106)" in html
 
 
@@ -152,8 +156,12 @@ def test_what_holds_without_being_evidence_looks_like_none(page: PaperPage) -> N
         line = next(c for c in claim_lines(column) if c.anchor == "dynnet.O03")
         found[name] = (line.badge, line.style)
         reported = paper_view.headline(page.verdicts, column)[0]
-        assert (" hold (" in reported) == (name != "half")
-        assert " 1 hold " not in reported
+        assert reported.startswith(
+            "On the paper's own sequences" if name == "fitted" else "On generated sequences"
+        )
+        assert ("compare numbers set to match" in reported) == (name == "fitted")
+        outcomes = [outcome_of(item) for item in column.orderings]
+        assert sum(map(int, re.findall(r"\d+", reported))) == 2 * len(outcomes)
     assert found == {
         "stand-in": ("HOLDS ON A STAND-IN", "holds weak"),
         "half": ("NOT ALL RUN", "half_run"),
@@ -172,17 +180,21 @@ def test_where_nothing_could_be_compared_nothing_is_said_to_agree_or_differ(
     marks = column.marks(list(column.rows))
     assert not marks["R"] + marks["D"] + marks["I"]
     assert reported.startswith(
-        f"0 of 163 printed numbers could be compared: {marks['S']} played on stand-ins "
-        f"(substitute data), {marks['P']} settings or repeated, "
+        f"Of 163 printed numbers {marks['S']} stand beside the print and are not judged, "
+        f"{marks['P']} are settings or repeated, "
     )
-    assert sum(map(int, re.findall(r"\d+", reported))) == 2 * 163
+    groups = reported.partition(" (")[0]
+    assert sum(map(int, re.findall(r"\d+", groups))) == 2 * 163
     lines = " ".join(twelve_lines(verdicts, [stand_in]))
     for word in ("reproduced", "differ", "inconclusive"):
         assert word not in reported and f"0 {word}" not in lines
     some = compare_paper(dynnetslam, pool_of([table_2(lost, 100)]), [])
     reported = paper_view.headline(some, some.columns[0])[1]
-    assert re.match(r"1\d of 163 .* compared: \d+ reproduced, \d+ differs?, \d+ inconc", reported)
-    assert "The others could not: " in reported
+    assert re.match(
+        r"Of 163 printed numbers 1\d are judged \(\d+ reproduced, \d+ different, \d+ open\), ",
+        reported,
+    )
+    assert "and are not judged" not in reported
 
 
 def test_of_several_pairs_those_that_do_not_hold_are_named(
@@ -204,9 +216,7 @@ def test_of_several_pairs_those_that_do_not_hold_are_named(
     assert entry.index("3 of 5 pairs hold") < entry.index("31/100") < entry.index("<details")
     assert entry.count("<li>") == 4 and entry.index("not shown") < entry.index("<li>holds")
     assert re.search("<b>NOT SEEN</b>: our runs do not show it .* at least 90 %", html)
-    assert (
-        "1 is not seen in full" in paper_view.headline(page.verdicts, page.verdicts.columns[0])[0]
-    )
+    assert " not seen" in paper_view.headline(page.verdicts, page.verdicts.columns[0])[0]
     reported = next(
         line for line in page.lines if "dynnet" not in line and line.startswith("[NOT SEEN")
     )
@@ -232,8 +242,9 @@ def test_too_few_runs_say_how_many_would_decide(dynnetslam: Paper, tmp_path: Pat
 
 
 def test_reasons_beyond_the_largest_are_counted_and_listed(
-    dynnetslam: Paper, tmp_path: Path
+    dynnetslam: Paper, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    monkeypatch.setattr(paper_view, "REASONS", 2)
     page = write_paper_page(dynnetslam, [table_2({"static": PAPER_ENHANCED}, 100)], tmp_path)
     assert page.verdicts is not None
     column = page.verdicts.columns[0]
@@ -241,7 +252,7 @@ def test_reasons_beyond_the_largest_are_counted_and_listed(
     counts = [int(line.split()[0]) for line in (*gaps.reasons, *gaps.rest)]
     marks = column.marks(list(column.rows))
     assert sum(counts) == sum(marks[m] for m in "NEFSI")
-    assert gaps.numbers == sum(counts[3:]) > 0 and counts == sorted(counts, reverse=True)
+    assert gaps.numbers == sum(counts[2:]) > 0 and counts == sorted(counts, reverse=True)
     assert gaps.more == "and 1 more reason (1 number)"
     assert replace(gaps, rest=["", ""], numbers=3).more == "and 2 more reasons (3 numbers)"
     assert replace(gaps, rest=[], numbers=0).more == ""
@@ -312,9 +323,58 @@ def test_one_page_over_all_papers(
     for link in found.links:
         assert (tmp_path / link.partition("#")[0]).exists()
     assert html.count("no runs yet") == len(papers) - 1
-    assert html.count("Nothing was run yet") == len(papers) - 1
-    assert html.count("printed numbers could be compared") == 2  # dynnetslam has two engines
-    assert "not run yet; slambed papers run cloudslam" in html
+    assert html.count("Nothing is played yet") == len(papers) - 1
+    assert html.count("are judged (") == 1  # the virtual column is on the paper's own sequence
+    held = html[html.index('class="outcome hold"') :].split("</ul>")[0]
+    assert "Enhanced Edge-SLAM loses track less often than conventional at every RTT" in held
+    assert html.count('<svg class="strip"') == 2
+    for paper in papers:
+        for contrast in (c for c in paper.contrasts if c.main):
+            assert str(escape(contrast.says)) in html
+    words = re.sub(r"<[^>]*>", " ", html.partition("</style>")[2])
+    assert not re.search(r"\b[OC]\d\d\b", words)  # no code without its sentence
+
+
+def test_a_code_stands_beside_its_sentence(dynnetslam: Paper) -> None:
+    text = spelled(
+        "as O03, dynnet.C24 and dynnet.T2.enhanced.rtt60; i7, T2 and X99 stay", dynnetslam
+    )
+    says = next(c.says for c in dynnetslam.contrasts if c.id == "dynnet.O03")
+    assert text.startswith(f'as "{says}" (O03), "track loss ratio, ')
+    assert '" (C24) and Table 2 (' in text
+    assert text.endswith("; i7, T2 and X99 stay")
+
+
+def test_a_number_on_a_stand_in_has_a_place_and_is_drawn_lighter(
+    dynnetslam: Paper, tmp_path: Path
+) -> None:
+    lost = {"conventional": PAPER_CONVENTIONAL, "static": PAPER_ENHANCED}
+    stand_in = table_2(lost, 100, dataset="synthetic_fr3_path")
+    html = write_paper_page(dynnetslam, [stand_in], tmp_path).html.read_text()
+    table = html[html.index('id="dynnet.T2"') :].split("</table>")[0]
+    assert "<small>as printed</small>" in table
+    assert html.count('class="light"') > 9 and '<rect class="band"' not in html
+    own = write_paper_page(dynnetslam, [table_2(lost, 100)], tmp_path).html.read_text()
+    assert '<rect class="band"' in own
+
+
+def test_numbers_without_one_of_ours_are_counted_by_reason(experiments: list[Results]) -> None:
+    papers = [p for p in read_papers() if p.kind == "paper"]
+    pages = [compare_paper(paper, pool_of(experiments)) for paper in papers]
+    counts = count_json(pages)
+    for verdicts in pages:
+        own = counts[verdicts.paper.id]
+        assert sum(own["groups"].values()) == own["printed"] == len(verdicts.cells)
+        assert sum(own["without"].values()) == own["groups"]["none"] == len(own["numbers"])
+        assert all(number["why"] for number in own["numbers"])
+    fields = [c for c in papers[2].claims if c.reason == "field_study" and c.kind == "result"]
+    assert papers[2].id == "edgeslam_semantic"
+    assert counts["edgeslam_semantic"]["without"]["field_study"] == len(fields) > 10
+    assert counts["cloudslam"]["without"]["recording"] > 0  # KITTI, which nothing stands in for
+    table = count_table(pages)
+    printed, judged = table.rows[:2]
+    assert sum(map(int, printed[1:-1])) == int(printed[-1]) == 433
+    assert int(judged[table.headings.index("dynnetslam")]) > 9
 
 
 def test_a_paper_without_runs_has_a_page_too(tmp_path: Path) -> None:
@@ -332,7 +392,7 @@ def test_no_command_is_named_where_no_experiment_makes_the_runs(
 
     monkeypatch.setattr(paper_view, "experiments_of", none)
     html = write_paper_page(read_papers(["cloudslam"])[0], [], tmp_path).html.read_text()
-    assert "not run yet, and no experiment makes these runs" in html
+    assert "not played yet, and no experiment makes these runs" in html
     assert "slambed papers run cloudslam" not in html
 
 

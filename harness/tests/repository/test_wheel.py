@@ -6,6 +6,7 @@ Dependencies and compiled programs are those of this environment, so nothing is 
 
 import json
 import os
+import platform
 import shutil
 import subprocess
 import sys
@@ -18,6 +19,7 @@ import pytest
 from checkout import known_files
 from virtual_parts import make_sequence, needs_programs, write_experiment
 
+from slambed.commands.doctor import PROGRAMS
 from slambed.native import find_program, is_installed, repository_root
 from slambed.spec.library import Library
 from slambed.spec.software import source_hash
@@ -43,9 +45,14 @@ def copy_of(root: Path, target: Path) -> Path:
 
 
 @pytest.fixture(scope="module")
-def wheel(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A wheel built from a copy, so that the checkout gets no build products."""
-    source = copy_of(repository_root(), tmp_path_factory.mktemp("source"))
+def source(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A copy to build wheels from, so that the checkout gets no build products."""
+    return copy_of(repository_root(), tmp_path_factory.mktemp("source"))
+
+
+@pytest.fixture(scope="module")
+def wheel(source: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The wheel without programs."""
     out = tmp_path_factory.mktemp("dist")
     command = [sys.executable, "-m", "pip", "wheel", "--quiet", "--no-deps", "--no-build-isolation"]
     subprocess.run([*command, "--no-index", "-w", out, source], check=True)
@@ -54,13 +61,32 @@ def wheel(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture(scope="module")
+def full_wheel(source: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The wheel with the programs that lie in build/bin."""
+    out = tmp_path_factory.mktemp("full")
+    build = find_program("slambed-sim").parents[1]
+    subprocess.run([source / "tools/wheel.sh", build, out, sys.executable], check=True)
+    (found,) = out.glob("slambed-*.whl")
+    return found
+
+
+@pytest.fixture(scope="module")
 def installed(wheel: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Returns the program `slambed` of an environment with the wheel."""
-    place = tmp_path_factory.mktemp("own")
+    return install(wheel, tmp_path_factory.mktemp("own"))
+
+
+def without_checkout() -> dict[str, str]:
+    """Returns the environment without a checkout, which may be in PYTHONPATH."""
+    return {key: value for key, value in os.environ.items() if key != "PYTHONPATH"}
+
+
+def install(wheel: Path, place: Path) -> Path:
+    """Returns the program `slambed` of a new environment with the wheel."""
     venv.create(place, with_pip=False)
     python = place / "bin" / "python"
     pip = [sys.executable, "-m", "pip", "--python", python, "install", "--quiet", "--no-deps"]
-    subprocess.run([*pip, "--no-index", wheel], check=True)
+    # Otherwise pip could find slambed installed already.
+    subprocess.run([*pip, "--no-index", wheel], check=True, env=without_checkout())
     (packages,) = place.glob("lib/python3*/site-packages")
     # Python reads no .pth files in a folder named by another .pth, so our editable slambed stays
     # out.
@@ -121,10 +147,54 @@ def test_without_programs_it_says_how_to_get_them(installed: Path, tmp_path: Pat
         text=True,
         capture_output=True,
         check=False,
-        env=os.environ | {"SLAMBED_CACHE": str(tmp_path)},
+        env=without_checkout() | {"SLAMBED_CACHE": str(tmp_path)},
     )
     assert done.returncode == 3
     assert "is not built" in done.stderr and "run 'slambed setup'" in done.stderr
+
+
+@needs_programs
+def test_the_wheel_with_programs_is_for_one_platform_and_has_the_licenses(full_wheel: Path) -> None:
+    assert full_wheel.name.endswith(f"-py3-none-manylinux_2_36_{platform.machine()}.whl")
+    assert full_wheel.stat().st_size < 60e6
+    content = zipfile.ZipFile(full_wheel)
+    (about,) = [name for name in content.namelist() if name.endswith(".dist-info/WHEEL")]
+    assert b"Root-Is-Purelib: false" in content.read(about)
+    build = "slambed/checkout/build"
+    inside = {n.removeprefix(f"{build}/bin/") for n in content.namelist() if f"{build}/bin/" in n}
+    assert inside == {*PROGRAMS, "sources.sha256"}
+    assert content.read(f"{build}/bin/sources.sha256").decode().strip() == source_hash()
+    for name in PROGRAMS:
+        assert content.getinfo(f"{build}/bin/{name}").external_attr >> 16 & 0o111 == 0o111
+    assert b"Lesser General Public" in content.read(f"{build}/licenses/libc6-dev")
+
+
+@needs_programs
+def test_programs_of_other_sources_make_no_wheel(source: Path, tmp_path: Path) -> None:
+    (tmp_path / "bin").mkdir()
+    (tmp_path / "bin" / "sources.sha256").write_text("000000000000\n")
+    command = [source / "tools/wheel.sh", tmp_path, tmp_path / "out", sys.executable]
+    done = subprocess.run(command, text=True, capture_output=True, check=False)
+    assert done.returncode == 3 and not (tmp_path / "out").exists()
+    assert f"{tmp_path}/bin has no programs of these sources; run 'make build'" in done.stderr
+
+
+@needs_programs
+def test_the_wheel_with_programs_runs_where_there_is_no_compiler(
+    full_wheel: Path, tmp_path: Path
+) -> None:
+    program = install(full_wheel, tmp_path / "own")
+    path = write_experiment(tmp_path, make_sequence(tmp_path / "walk", 2), runs=1)
+    nothing = tmp_path / "no programs"
+    nothing.mkdir()
+    called(program, tmp_path, "run", str(path), "--no-figures", PATH=str(nothing))
+    (report,) = (tmp_path / "results").glob("walk/report/index.html")
+    manifest = json.loads(next((tmp_path / "results/runs").glob("*/manifest.json")).read_text())
+    # Programs without the stamp of their sources would be named by their bytes.
+    assert "+bin." not in manifest["spec"]["software"] and report.is_file()
+    shown = called(program, tmp_path, "setup", "--engine", "virtual")
+    assert shown.startswith(f"programs: {tmp_path}/own/lib")
+    assert not (tmp_path / "cache" / "programs").exists()
 
 
 @needs_programs

@@ -194,3 +194,10 @@ def test_every_device_can_play_both_nodes_of_an_update(name: str) -> None:
             assert part.a_us == pytest.approx(share * whole.a_us, rel=2e-3)
             assert part.b_us == pytest.approx(share * whole.b_us, rel=2e-3)
             assert part.jitter == whole.jitter
+
+
+@pytest.mark.parametrize("name", ["edge_i7_6700k", "edge_i7_6700k_1_core", "vehicle_e5_2680v2"])
+def test_cloudslams_machines_have_as_many_cores_live_as_in_their_model(name: str) -> None:
+    device = Library().device(name)
+    assert device.model is not None
+    assert device.limits.cores == device.model.cores

@@ -2,6 +2,7 @@
 """Experiment files: what is read, and how a mistake is reported."""
 
 import json
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -10,6 +11,7 @@ from harness_parts import EXPERIMENT, run_spec, write_library
 
 from slambed.campaign.plan import check
 from slambed.commands.report_request import check_figure_names
+from slambed.data.recipe_file import load_recipe
 from slambed.errors import SlambedError
 from slambed.native import repository_root
 from slambed.spec.library import Library
@@ -74,6 +76,7 @@ def complaint_of(root: Path, text: str, host: Circumstances = HOST) -> str:
         ("mobile: small", "mobile: smal", ["unknown device 'smal'", "'small'"]),
         ("[none, ramp]", "[none, none]", ["'none' is given twice", "line 12"]),
         ("{system: solo}", "{system: solo, profiles: [rmp]}", ["'rmp'", "'ramp'", "line 4"]),
+        ("{system: solo}", "{system: solo, datasets: [rom]}", ["'rom'", "'room'", "line 4"]),
         ("id: tiny", "id: teeny", ["'teeny' is not the file's name", "line 1"]),
         ("datasets: [room]", "datasets: [room, room]", ["named twice", "line 8"]),
         ("datasets: [room]", "datasets: []", ["'datasets'", "line 8"]),
@@ -187,6 +190,22 @@ def test_the_matrix_is_systems_times_profiles_times_runs(tmp_path: Path) -> None
     assert pair.link is not None and pair.link.profile == "ramp"
     # System default, then variant, then experiment.
     assert pair.params == {"n_orb": 750, "period_s": 1.0, "update": "parallel"}
+
+
+def test_a_system_plays_only_the_datasets_that_it_names(tmp_path: Path) -> None:
+    text = EXPERIMENT.replace("datasets: [room]", "datasets: [room, hall]")
+    text = text.replace("{system: solo}", "{system: solo, datasets: [hall]}")
+    both = {"room": ("synthetic_room", "sum"), "hall": ("synthetic_hall", "other")}
+    specs = matrix(tmp_path, text, host=replace(HOST, datasets=both))
+    played = {(spec.label, spec.dataset) for spec in specs}
+    assert played == {
+        ("solo", "synthetic_hall"),
+        ("pair:better", "synthetic_room"),
+        ("pair:better", "synthetic_hall"),
+    }
+    alone = EXPERIMENT.replace("{system: solo}", "{system: solo, datasets: [room]}")
+    keys = [[spec.run_key for spec in matrix(tmp_path, t)] for t in (EXPERIMENT, alone)]
+    assert keys[0] == keys[1]  # what else the experiment plays is in no key
 
 
 def test_repetitions_share_their_seed_across_cells(tmp_path: Path) -> None:
@@ -308,6 +327,22 @@ def test_every_experiment_of_the_checkout_reads(name: str) -> None:
     check_figure_names(experiment, source)
     LIBRARY.device(experiment.devices.mobile)
     LIBRARY.device(experiment.devices.edge)
+
+
+def test_all_variants_of_systems_without_a_prior_map_are_compared() -> None:
+    experiment, _ = LIBRARY.experiment("x_all_systems")
+    played = {(choice.system, choice.variant) for choice in experiment.systems}
+    known = {
+        (name, variant)
+        for name in ("orbslam2", "edgeslam", "dynnetslam", "multithread_rl", "edgeslam_semantic")
+        for variant in LIBRARY.system(name).variants or [None]
+    }
+    assert played == known and len(known) == 17
+    recipes = repository_root() / "catalog" / "datasets"
+    for choice in experiment.systems:
+        datasets = experiment.datasets_of(choice)
+        sensors = {load_recipe(recipes / f"{name}.yaml").sensor for name in datasets}
+        assert sensors <= set(LIBRARY.system(choice.system).sensors) and len(datasets) == 3
 
 
 @pytest.mark.parametrize(

@@ -150,6 +150,20 @@ TEST_F(PartialOffload, RowsFollowTheLinkAndNoFeatureIsAboveItsOctaves) {
   for (const auto& keyframe : play(fixed).of("keyframe_sent")) EXPECT_EQ(keyframe["row"], 4);
 }
 
+/// With row 5's four octaves, the first two views sometimes gave a wrong direction of motion, and
+/// frames were off until the fourth keyframe came back.
+TEST_F(PartialOffload, AMapBeginsWithThePapersDefaultsWhateverTheLink) {
+  for (const int delay_us : {1000, 60'000}) {
+    scenario["link"]["up"]["delay_us"] = scenario["link"]["down"]["delay_us"] = {delay_us};
+    const auto sent = play(partial(false, true)).of("keyframe_sent");
+    ASSERT_GT(sent.size(), 2u);
+    EXPECT_EQ(sent.front()["reason"], "first");
+    EXPECT_EQ(sent.front()["row"], 3) << delay_us;
+    EXPECT_EQ(sent.front()["n_l"], 6) << delay_us;
+    EXPECT_NE(sent.back()["row"], 3) << delay_us << ": once the link is known";
+  }
+}
+
 TEST_F(PartialOffload, WithoutAdaptationTheNextGoesUpWhenTheAnswersAreBack) {
   write_masks(kHeight * 3 / 4);
   const Played run = play(partial(true, false));

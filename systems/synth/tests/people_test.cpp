@@ -132,7 +132,8 @@ TEST_F(PeopleSequence, BytesAreTheKnownOnesAndDoNotDependOnThreads) {
   EXPECT_EQ(one["checksum"], "0dc585c9883ae2d9c5ec190dd5605257bae8ff00f804ee5996a697aa123e937d");
   EXPECT_EQ(one["source"]["labels_sha256"],
             "dfe24ded288532565f82a2ff3d48457d006c29a9c6dca5e3423e667954fc46ba");
-  EXPECT_EQ(sha256_hex(slurp(folder_ / "one" / "labels.bin")), one["source"]["labels_sha256"]);
+  EXPECT_EQ(sha256_hex(slurp(folder_ / "one" / "labels.bin")),
+            one["source"]["labels_sha256"].get<std::string>());
 }
 
 TEST_F(PeopleSequence, LabelsAreBesideThePicturesNotInThem) {

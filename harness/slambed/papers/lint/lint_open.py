@@ -80,7 +80,7 @@ def planned_cells(experiment: Experiment, checkout: Checkout) -> Iterator[Planne
         if system.has_edge:
             columns["device_edge"] = _device(experiment, choice, "edge")
         columns["playback"] = experiment.playback.model_dump_json()
-        for dataset in experiment.datasets:
+        for dataset in experiment.datasets_of(choice):
             for profile in _profiles(experiment, choice, system):
                 datasets = tuple(checkout.first_of(dataset))
                 yield PlannedCell(columns | {"profile": profile}, datasets, system.has_edge)

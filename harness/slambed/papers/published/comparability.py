@@ -1,11 +1,15 @@
 # SPDX-License-Identifier: Apache-2.0
 """What must be known about a published number before it is judged."""
 
-from typing import Any
+from typing import Any, Literal
 
 from pydantic import model_validator
 
 from slambed.papers.published.base import Number, Strict
+
+Declared = Literal["field_study", "not_in_print", "not_measured"]
+"""field_study: measured at the authors' sites or with their devices. not_in_print: the print gives
+no number that a run could be compared with. not_measured: no metric of ours."""
 
 
 class Erratum(Strict):
@@ -30,6 +34,9 @@ class Comparability(Strict):
 
     unmappable: str | None = None
     """Why we have no number for it. Without a reason, the lint requires a mapping that resolves."""
+    reason: Declared | None = None
+    """Why it has no number of ours, in one word for counts; beside `unmappable`, and
+    `not_measured` if not given."""
     parameter: str | None = None
     """Where our configuration has this value, if it is a setting or a property of the data, not a
     result."""
@@ -41,6 +48,12 @@ class Comparability(Strict):
     """Where the paper contradicts itself."""
     read_as: str | None = None
     """How we read it if the paper is ambiguous, in a sentence."""
+
+    @model_validator(mode="after")
+    def _reason_of_something(self) -> "Comparability":
+        if self.reason is not None and self.unmappable is None:
+            raise ValueError("a reason goes with unmappable, which says it in a sentence")
+        return self
 
     def over(self, outer: "Comparability") -> "Comparability":
         """Returns this one, with missing fields from `outer`."""

@@ -6,6 +6,7 @@ reverse the order. Fisher, Mann-Whitney and Page are scipy's.
 """
 
 from collections.abc import Sequence
+from math import fsum
 from typing import Any
 
 import numpy as np
@@ -103,7 +104,7 @@ def _exact_trend(bad: Any, runs: Any) -> float:
                 grown[key] = grown.get(key, 0.0) + weight * float(np.exp(_log_choose(count, k)))
         ways = grown
     whole = {score: weight for (used, score), weight in ways.items() if used == lost}
-    return sum(w for score, w in whole.items() if score >= seen) / sum(whole.values())
+    return fsum(w for score, w in whole.items() if score >= seen) / fsum(whole.values())
 
 
 def _log_choose(n: int, k: int) -> float:

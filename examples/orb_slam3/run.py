@@ -1,0 +1,129 @@
+# SPDX-License-Identifier: Apache-2.0
+# ruff: noqa: N806 - T_wc: camera to world
+"""ORB-SLAM3 (the package pyorbslam3) as a system of slambed: RGB-D, stereo, or one camera."""
+
+import os
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+from pyorbslam3 import Sensor, Slam, TrackingState
+from slambed_client import Client
+from vocabulary import as_dbow2_text
+
+OUTPUT = Path(os.environ["SLAMBED_OUTPUT"])
+SENSORS = {"rgbd": Sensor.RGBD, "stereo": Sensor.STEREO, "mono": Sensor.MONOCULAR}
+TRACKED = {TrackingState.OK, TrackingState.OK_KLT}
+WITHOUT_MAP = {
+    TrackingState.SYSTEM_NOT_READY,
+    TrackingState.NO_IMAGES_YET,
+    TrackingState.NOT_INITIALIZED,
+}
+
+
+def settings_of(client: Client) -> str:
+    """Returns the settings file for the camera of this run."""
+    lines = {
+        "File.version": '"1.0"',
+        "Camera.type": '"Rectified"' if client.sensor == "stereo" else '"PinHole"',
+        "Camera1.fx": client.fx,
+        "Camera1.fy": client.fy,
+        "Camera1.cx": client.cx,
+        "Camera1.cy": client.cy,
+        "Camera.width": client.width,
+        "Camera.height": client.height,
+        "Camera.fps": max(1, round(client.fps)),
+        "Camera.RGB": 1,
+        "ORBextractor.nFeatures": client.params["n_orb"],
+        "ORBextractor.scaleFactor": 1.2,
+        "ORBextractor.nLevels": 8,
+        "ORBextractor.iniThFAST": 20,
+        "ORBextractor.minThFAST": 7,
+        # Read even without a viewer.
+        "Viewer.KeyFrameSize": 0.05,
+        "Viewer.KeyFrameLineWidth": 1.0,
+        "Viewer.GraphLineWidth": 0.9,
+        "Viewer.PointSize": 2.0,
+        "Viewer.CameraSize": 0.08,
+        "Viewer.CameraLineWidth": 3.0,
+        "Viewer.ViewpointX": 0.0,
+        "Viewer.ViewpointY": -0.7,
+        "Viewer.ViewpointZ": -1.8,
+        "Viewer.ViewpointF": 500.0,
+    }
+    if client.sensor != "stereo":
+        k1, k2, p1, p2, k3 = client.distortion
+        lines |= {"Camera1.k1": k1, "Camera1.k2": k2, "Camera1.p1": p1, "Camera1.p2": p2}
+        if k3:
+            lines["Camera1.k3"] = k3
+    if client.sensor != "mono":
+        lines |= {
+            "Stereo.ThDepth": client.params["th_depth"],
+            "Stereo.b": client.bf / client.fx,
+        }
+    if client.sensor == "rgbd":
+        lines["RGBD.DepthMapFactor"] = 1.0 / client.depth_unit_m
+    # OpenCV tells real numbers from integers by the point.
+    text = {k: repr(float(v)) if isinstance(v, float) else v for k, v in lines.items()}
+    return "%YAML:1.0\n" + "".join(f"{key}: {value}\n" for key, value in text.items())
+
+
+def final_poses(slam: Slam, client: Client, times_s: dict[float, int]) -> None:
+    """Sends the corrected poses of all frames, as ORB-SLAM3 leaves them after its end."""
+    file = OUTPUT / "orb_slam3.txt"
+    slam.save_trajectory_tum(str(file))
+    if not file.is_file():
+        return
+    stamps = np.array(sorted(times_s))
+    for row in np.loadtxt(file, ndmin=2):
+        nearest = stamps[np.argmin(abs(stamps - row[0]))]
+        client.final(times_s[nearest], matrix_of(row[1:]))
+
+
+def matrix_of(pose: np.ndarray) -> np.ndarray:
+    """Returns 4x4 of `tx ty tz qx qy qz qw`."""
+    x, y, z, w = pose[3:] / np.linalg.norm(pose[3:])
+    T_wc = np.eye(4)
+    T_wc[:3, :3] = [
+        [1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)],
+        [2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)],
+        [2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)],
+    ]
+    T_wc[:3, 3] = pose[:3]
+    return T_wc
+
+
+def main() -> None:
+    client = Client()
+    settings, words = OUTPUT / "settings.yaml", OUTPUT / "vocabulary.txt"
+    settings.write_text(settings_of(client))
+    began = time.monotonic()
+    given = Path(client.params["vocabulary"])
+    slam = Slam(as_dbow2_text(given, words), settings, SENSORS[client.sensor])
+    words.unlink(missing_ok=True)
+    client.ready()
+    client.event("loaded", seconds=time.monotonic() - began)
+    times_s = {}
+    for frame in client:
+        times_s[frame.seq_s] = frame.index
+        if client.sensor == "rgbd":
+            # Depth in raw units: the settings hold the factor to meters.
+            found = slam.track_rgbd(frame.gray, frame.depth.astype(np.float32), frame.seq_s)
+        elif client.sensor == "stereo":
+            found = slam.track_stereo(frame.gray, frame.right, frame.seq_s)
+        else:
+            found = slam.track_monocular(frame.gray, frame.seq_s)
+        if found.state in TRACKED and found.pose_valid:
+            client.pose(frame, found.pose_wc, inliers=found.num_tracked_points)
+        elif found.state in WITHOUT_MAP:
+            client.not_initialized(frame)
+        else:
+            client.lost(frame)
+    slam.shutdown()
+    final_poses(slam, client, times_s)
+    client.close()
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,38 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The place of a number of ours beside the printed one, whether or not it is judged."""
+
+from dataclasses import dataclass
+from math import exp, isfinite, log
+from typing import Literal
+
+from slambed.papers.judged import Judged
+
+
+@dataclass(frozen=True)
+class Beside:
+    """How far ours is from the print."""
+
+    scale: Literal["ratio", "points"]
+    effect: float
+    """Logarithm of ours / print, or ours - print as a share (0.1 is ten points)."""
+
+    @property
+    def words(self) -> str:
+        """Returns `0.44 x print` or `-67 points`."""
+        if self.scale == "points":
+            return f"{100 * self.effect:+.0f} points" if self.effect else "as printed"
+        return f"{exp(self.effect):.2g} x print"
+
+
+def beside(row: Judged) -> Beside | None:
+    """Returns the place of our number; None without a number of ours or a printed one, and where
+    neither a ratio nor points have a meaning, as with a time from zero."""
+    verdict, stated = row.verdict, row.cell.value
+    if not row.measured.there or stated is None:
+        return None
+    if verdict.scale in ("ratio", "points") and isfinite(verdict.effect):
+        return Beside("ratio" if verdict.scale == "ratio" else "points", verdict.effect)
+    if row.measured.is_share:
+        return Beside("points", row.measured.share.value - stated / 100)
+    ours = row.measured.mean.value
+    return Beside("ratio", log(ours / stated)) if ours > 0 and stated > 0 else None

@@ -1,0 +1,192 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Writes the page that compares the variants of all papers on the same sequences: one row per
+variant, one small picture per sequence."""
+
+from dataclasses import dataclass
+from math import isfinite, log
+from pathlib import Path
+
+import pandas as pd
+from markupsafe import Markup, escape
+
+from slambed.papers.environment import environment
+from slambed.report.experiment import write_tables
+from slambed.report.load import Results
+from slambed.report.page import STYLE
+from slambed.report.tables import Table
+
+ALL_SYSTEMS = "x_all_systems"
+"""The experiment that the page shows."""
+PAGE = "systems.html"
+RARELY = 0.1
+"""Up to this share of runs with a track loss a cell counts as one that keeps track."""
+COLUMN = 30
+PLOT = 52
+BARS = 16
+"""Width of a link, height of the errors and of the shares lost, in pixels."""
+LARGEST_M = 10.0
+SMALLEST_M = 0.001
+"""Ends of the axis of errors in m; others are drawn at the edge."""
+
+
+@dataclass(frozen=True)
+class Cell:
+    """The runs of a variant on one sequence, link and board."""
+
+    variant: str
+    board: str
+    sequence: str
+    link: str
+    runs: int
+    lost: int
+    error_m: float
+    """Median ATE RMSE; NaN if no run has one."""
+    coverage: float
+    """Median share of the frames with a pose."""
+
+    @property
+    def words(self) -> str:
+        return (
+            f"{self.variant}, {self.board}, {self.link}: median ATE RMSE {100 * self.error_m:.2g} "
+            f"cm, {self.lost} of {self.runs} runs lost track"
+        )
+
+
+def cells_of_runs(results: Results) -> list[Cell]:
+    """Returns one cell per variant, board, sequence and link, in the order of the experiment."""
+    runs = results.valid_runs
+    named = runs.assign(
+        row=runs["label"].str.replace(r" \[[^\]]*\]", "", regex=True),
+        scene=runs["dataset"].map(scene_of),
+    )
+    found = []
+    for key, own in named.groupby(["row", "device_mobile", "scene", "profile"], sort=False):
+        row, board, scene, link = map(str, key)
+        found.append(
+            Cell(
+                row,
+                board,
+                scene,
+                link,
+                len(own),
+                int(own["track_losses"].gt(0).sum()),
+                float(own["ate_rmse_m"].median()),
+                float(own["coverage"].median()),
+            )
+        )
+    return found
+
+
+def scene_of(dataset: str) -> str:
+    """Returns the sequence without its sensor: the same walk with depth and with one camera."""
+    return dataset.replace("mono_", "").removesuffix("_mono")
+
+
+def takeaway(cells: list[Cell]) -> list[str]:
+    """Returns what the runs show, in a reader's words."""
+    kept = sum(cell.lost <= RARELY * cell.runs for cell in cells)
+    first = f"In {kept} of {len(cells)} cells at most {100 * RARELY:.0f} % of the runs lose track."
+    shares = {
+        name: sum(c.lost for c in own) / sum(c.runs for c in own)
+        for name in dict.fromkeys(cell.variant for cell in cells)
+        if (own := [cell for cell in cells if cell.variant == name])
+    }
+    never = [name for name, share in shares.items() if not share]
+    most = max(shares, key=lambda name: shares[name])
+    loses = "lose" if len(never) > 1 else "loses"
+    variants = f"variant{'' if len(shares) == 1 else 's'}"
+    second = f"{len(never) or 'None'} of {len(shares)} {variants} never {loses} it."
+    if shares[most]:
+        second += f" {most} loses it most often, in {100 * shares[most]:.0f} % of its runs."
+    return [f"{first} {second}"]
+
+
+def cell_svg(cells: list[Cell], links: list[str], boards: list[str]) -> Markup:
+    """Returns one small picture: errors above, shares of runs with a loss below, by link and
+    board."""
+    width, height = COLUMN * len(links), PLOT + BARS + 4
+    parts = [f'<line class="tickline" x1="0" x2="{width}" y1="{PLOT}" y2="{PLOT}"/>']
+    parts += [
+        f'<line class="grid" x1="0" x2="{width}" y1="{_height(error):.1f}" '
+        f'y2="{_height(error):.1f}"/>'
+        for error in (0.01, 0.1, 1.0)
+    ]
+    for cell in cells:
+        board = boards.index(cell.board)
+        middle = COLUMN * (links.index(cell.link) + (board + 1) / (len(boards) + 1))
+        share = cell.lost / cell.runs
+        dot = ""
+        if isfinite(cell.error_m):
+            at = f'cx="{middle:.1f}" cy="{_height(cell.error_m):.1f}"'
+            dot = f'<circle class="b{board}" {at} r="3.4"/>'
+        at = f'x="{middle - 4:.1f}" y="{PLOT + 2}"'
+        bar = f'<rect class="lost" {at} width="8" height="{BARS * share:.1f}"/>'
+        parts.append(f"<g><title>{escape(cell.words)}</title>{dot}{bar}</g>")
+    return Markup(
+        f'<svg class="cell" viewBox="0 0 {width} {height}" role="img" '
+        f'aria-label="{escape("; ".join(cell.words for cell in cells))}">{"".join(parts)}</svg>'
+    )
+
+
+def _height(error_m: float) -> float:
+    """Returns the position of an error in pixels from the top."""
+    inside = min(LARGEST_M, max(SMALLEST_M, error_m))
+    return PLOT * (1 - log(inside / SMALLEST_M) / log(LARGEST_M / SMALLEST_M))
+
+
+def cross_table(cells: list[Cell]) -> Table:
+    """Returns all cells as numbers."""
+    headings = ["variant", "board", "sequence", "link", "runs", "runs with a loss", "ATE RMSE [cm]"]
+    table = Table(
+        "all_systems", "All variants on the same sequences", [*headings, "coverage [%]"], words=4
+    )
+    for c in cells:
+        error = f"{100 * c.error_m:.3g}" if isfinite(c.error_m) else "-"
+        table.rows.append(
+            [
+                c.variant,
+                c.board,
+                c.sequence,
+                c.link,
+                str(c.runs),
+                str(c.lost),
+                error,
+                f"{100 * c.coverage:.1f}",
+            ]
+        )
+    return table
+
+
+def write_cross_page(results: Results, folder: Path) -> Path | None:
+    """Writes `<folder>/systems.html` and its table; None if no run is valid."""
+    cells = cells_of_runs(results) if len(results.valid_runs) else []
+    if not cells:
+        return None
+
+    def each(values: "pd.Series[str] | list[str]") -> list[str]:
+        return list(dict.fromkeys(values))
+
+    links, boards = each([c.link for c in cells]), each([c.board for c in cells])
+    scenes = each([c.sequence for c in cells])
+    counts = [c.runs for c in cells]
+    rows = [
+        (
+            variant,
+            [
+                cell_svg(
+                    [c for c in cells if (c.variant, c.sequence) == (variant, s)], links, boards
+                )
+                for s in scenes
+            ],
+        )
+        for variant in each([c.variant for c in cells])
+    ]
+    folder.mkdir(parents=True, exist_ok=True)
+    path = folder / PAGE
+    page = environment().get_template("cross.html.j2").render(
+        style=Markup(STYLE), headline=takeaway(cells), rows=rows, scenes=scenes, links=links,
+        boards=boards, counts=sorted({min(counts), max(counts)}), experiment=results.name,
+    )  # fmt: skip
+    path.write_text(page, encoding="utf-8")
+    write_tables([cross_table(cells)], folder / "tables")
+    return path

@@ -1,0 +1,59 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The example ORB-SLAM3: its vocabulary, and (nightly) the package itself on generated frames."""
+
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from command_line import slambed
+
+from slambed.errors import SlambedError
+from slambed.native import find_program, repository_root
+
+EXAMPLE = repository_root() / "examples" / "orb_slam3"
+WORDS = repository_root() / "systems/core/features/data/orb_10k.slv"
+
+
+def has_vocabulary_tool() -> bool:
+    try:
+        find_program("slambed-vocab")
+    except SlambedError:
+        return False
+    return True
+
+
+def converted(vocabulary: Path, text: Path) -> str:
+    subprocess.run([sys.executable, EXAMPLE / "vocabulary.py", vocabulary, text], check=True)
+    return text.read_text()
+
+
+def test_our_vocabulary_is_written_as_dbow2_has_it(tmp_path: Path) -> None:
+    lines = converted(WORDS, tmp_path / "orb.txt").split("\n")
+    assert lines[0] == "10 4 0 0"
+    # A line end after the last line would be one more node to ORB-SLAM.
+    assert lines[-1] != ""
+    leaves = 0
+    for number, line in enumerate(lines[1:], start=1):
+        parent, leaf, *rest = line.split()
+        assert int(parent) < number and len(rest) == 33
+        leaves += int(leaf)
+    assert leaves == 10_000
+
+
+@pytest.mark.programs
+@pytest.mark.skipif(not has_vocabulary_tool(), reason="needs slambed-vocab ('make build')")
+def test_our_reader_of_that_format_gets_the_same_vocabulary(tmp_path: Path) -> None:
+    converted(WORDS, tmp_path / "orb.txt")
+    again = tmp_path / "again.slv"
+    subprocess.run(
+        [find_program("slambed-vocab"), "import", tmp_path / "orb.txt", "-o", again],
+        check=True, capture_output=True,
+    )  # fmt: skip
+    assert again.read_bytes() == WORDS.read_bytes()
+
+
+@pytest.mark.nightly
+def test_orb_slam3_of_pypi_keeps_the_contract() -> None:
+    code, out, _ = slambed("check-system", str(EXAMPLE / "system.yaml"))
+    assert code == 0, out

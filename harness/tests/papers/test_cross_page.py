@@ -1,0 +1,93 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The page that compares the variants of all papers on the same sequences."""
+
+import csv
+import re
+from pathlib import Path
+
+import pandas as pd
+import pytest
+from test_paper_page import Anchors
+
+from slambed.papers.cross_page import (
+    cell_svg,
+    cells_of_runs,
+    scene_of,
+    takeaway,
+    write_cross_page,
+)
+from slambed.report.load import Results
+
+LINKS = ("none", "slow")
+BOARDS = ("pi", "jetson")
+
+
+def results_of(losses: dict[str, int], runs: int = 10) -> Results:
+    """Every variant on one sequence, two links and two boards; on `slow`, so many of its runs lose
+    track."""
+    rows = [
+        {
+            "label": f"{variant} [{board}]", "dataset": dataset, "profile": link,
+            "device_mobile": board, "track_losses": int(link == "slow" and number < lost),
+            "ate_rmse_m": 0.01 * (number + 1), "coverage": 1.0, "valid": True,
+        }
+        for variant, lost in losses.items()
+        for dataset in ("synthetic_mono_room" if "camera" in variant else "synthetic_room",)
+        for board in BOARDS
+        for link in LINKS
+        for number in range(runs)
+    ]  # fmt: skip
+    return Results(Path("x_all_systems"), "all", pd.DataFrame(rows))
+
+
+def test_a_walk_is_one_sequence_whatever_the_sensor() -> None:
+    assert scene_of("synthetic_mono_room") == scene_of("synthetic_room") == "synthetic_room"
+    assert scene_of("synthetic_fr3_path_mono") == "synthetic_fr3_path"
+
+
+def test_one_row_per_variant_with_median_and_losses(tmp_path: Path) -> None:
+    path = write_cross_page(results_of({"A": 0, "B & C": 4, "one camera": 0}), tmp_path)
+    assert path == tmp_path / "systems.html"
+    html = path.read_text()
+    found = Anchors()
+    found.feed(html)
+    assert not found.open
+    assert re.findall(r"<tr><th>([^<]+)</th><td>", html) == ["A", "B &amp; C", "one camera"]
+    assert html.count('<svg class="cell"') == 3  # one sequence, seen by two kinds of camera
+    assert "10 runs a cell" in html
+    lost = "B &amp; C, pi, slow: median ATE RMSE 5.5 cm, 4 of 10 runs lost track"
+    assert f"<title>{lost}</title>" in html
+    with (tmp_path / "tables" / "all_systems.csv").open() as file:
+        rows = list(csv.DictReader(file))
+    assert len(rows) == 3 * len(BOARDS) * len(LINKS)
+    assert {row["runs with a loss"] for row in rows} == {"0", "4"}
+
+
+def test_the_headline_is_computed() -> None:
+    cells = cells_of_runs(results_of({"A": 0, "B": 4}))
+    assert takeaway(cells) == [
+        "In 6 of 8 cells at most 10 % of the runs lose track. 1 of 2 variants never loses it. B "
+        "loses it most often, in 20 % of its runs."
+    ]
+    assert takeaway(cells_of_runs(results_of({"A": 0}))) == [
+        "In 4 of 4 cells at most 10 % of the runs lose track. 1 of 1 variant never loses it."
+    ]
+
+
+def test_a_larger_error_is_higher_and_a_larger_share_has_a_longer_bar() -> None:
+    cells = cells_of_runs(results_of({"B": 4}, runs=10))
+    svg = cell_svg(cells, list(LINKS), list(BOARDS))
+    heights = list(map(float, re.findall(r'class="lost"[^>]* height="([\d.]+)"', svg)))
+    assert heights == pytest.approx([0, 6.4, 0, 6.4])
+    worse = results_of({"B": 4})
+    worse.runs["ate_rmse_m"] *= 10
+    above = cell_svg(cells_of_runs(worse), list(LINKS), list(BOARDS))
+    first = [float(re.findall(r'cy="([\d.]+)"', picture)[0]) for picture in (svg, above)]
+    assert first[1] < first[0]
+
+
+def test_without_a_valid_run_there_is_no_page(tmp_path: Path) -> None:
+    results = results_of({"A": 0})
+    results.runs["valid"] = False
+    assert write_cross_page(results, tmp_path) is None
+    assert not list(tmp_path.iterdir())
