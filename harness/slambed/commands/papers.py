@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Commands about published numbers: papers compare, kept, run, counts, list, lint, plan, power,
+"""Commands about published numbers: papers compare, kept, run, list, counts, lint, plan, power,
 rates."""
 
 import sys
