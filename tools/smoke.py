@@ -58,8 +58,9 @@ def short_catalog() -> Catalog:
     return dataclasses.replace(shipped, datasets=datasets)
 
 
-def cut(experiment: dict[str, Any], sequences: list[str]) -> dict[str, Any]:
-    """Returns the experiment's file with one cell per system and dataset, and three seconds."""
+def cut(experiment: dict[str, Any], sequences: dict[str, str]) -> dict[str, Any]:
+    """Returns the experiment's file with one cell per system and dataset, and three seconds.
+    `sequences`: dataset as the file names it -> folder."""
     common = experiment.get("faults", [])
 
     def is_virtual(choice: dict[str, Any]) -> bool:
@@ -67,7 +68,12 @@ def cut(experiment: dict[str, Any], sequences: list[str]) -> dict[str, Any]:
 
     # Keep the last entry of each system, because a report may need a metric that only it measures.
     choices = list({c["system"]: dict(c) for c in experiment["systems"] if is_virtual(c)}.values())
-    short = experiment | {"systems": choices, "datasets": sequences, "engine": "virtual"}
+    folders = list(dict.fromkeys(sequences.values()))
+    short = experiment | {"systems": choices, "datasets": folders, "engine": "virtual"}
+    for choice in choices:
+        if "datasets" in choice:
+            own = [sequences[name] for name in choice["datasets"] if name in sequences]
+            choice["datasets"] = list(dict.fromkeys(own))
     for place in (short, *choices):
         if "faults" in place:
             place["faults"] = [early(fault) for fault in place["faults"]]
@@ -119,20 +125,20 @@ def play(name: str, catalog: Catalog, place: Path) -> str:
     """Plays one experiment. Returns one line that says what is wrong, or an empty string."""
     library = Library()
     experiment, source = library.experiment(name)
-    datasets = [catalog.resolve(dataset) for dataset in experiment.datasets]
-    here = list(dict.fromkeys(d.id for d in datasets if catalog.available(d)))
+    datasets = {name: catalog.resolve(name) for name in experiment.datasets}
+    here = {name: dataset.id for name, dataset in datasets.items() if catalog.available(dataset)}
     try:
-        sequences = [str(catalog.prepare(dataset).path) for dataset in here]
+        folders = {key: str(catalog.prepare(key).path) for key in dict.fromkeys(here.values())}
     except SlambedError as error:
         return str(error)
-    if not sequences:
+    if not folders:
         return "nothing to play in a bare checkout"
-    short = cut(source.data, sequences)
+    short = cut(source.data, {name: folders[key] for name, key in here.items()})
     signal.signal(signal.SIGALRM, not_over)
     signal.alarm(LIMIT_S)
     try:
         if wants_prior_map(short):
-            short = with_prior_map(short, sequences[0], place)
+            short = with_prior_map(short, next(iter(folders.values())), place)
         return executed(short, place, place / "results")
     except SlambedError as error:
         return str(error)
@@ -177,7 +183,7 @@ def one_per_system(library: Library, catalog: Catalog) -> list[str]:
     for name in library.experiments():
         experiment, source = library.experiment(name)
         if any(catalog.available(catalog.resolve(dataset)) for dataset in experiment.datasets):
-            choices = cut(source.data, [])["systems"]
+            choices = cut(source.data, {})["systems"]
             plays[name] = {choice["system"] for choice in choices}
     left, chosen = set().union(*plays.values()), []
     while left:
