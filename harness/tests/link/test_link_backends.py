@@ -235,7 +235,8 @@ class TestNetem:
         profile = parse_profile(narrow, "test")
         with open_link("netem", *ends, profile, 1, tmp_path, probe_hz=0) as link:
             link.start(time.monotonic_ns())
-            samples = one_way(*ends, "10.77.0.2", 1000, 0.1)
+            # 30 packets: more of them would fill the queue, which holds 0.2 s.
+            samples = one_way(*ends, "10.77.0.2", 1000, 0.03)
         arrived_ms = samples.sent_ns / 1e6 + samples.delay_ms
         # 5 ms each; with the Ethernet header it would be 5.76 ms.
         assert np.median(np.diff(arrived_ms)) == pytest.approx(5.0, abs=0.3)
