@@ -30,6 +30,7 @@ VALUES: dict[str, tuple[str, ...]] = {
             "--metric", "--sequence", "--from", "--to", "--around", "--baseline", "--alpha",
             "--history", "--publish", "--link-to", "--slowest", "--hosts", "--on", "--good",
             "--bad", "--folder", "--cache", "--frames", "--table", "--until-s",
+            "--budget", "--part",
         ),
         NO_CHOICE,
     ),

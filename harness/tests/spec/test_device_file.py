@@ -175,9 +175,16 @@ UPDATE_SHARES = {
 FITTED_TO_AN_UPDATE = {"raspberry_pi_4", "raspberry_pi_4_ijnc"}
 
 
-@pytest.mark.parametrize(
-    "name", sorted(path.stem for path in (repository_root() / "catalog" / "devices").glob("*.yaml"))
-)
+LIVE_ONLY = {"core_1", "core_1_2", "core_1_4", "core_1_8"}
+"""Devices without a cost model: shares of a core for programs that run live only."""
+
+
+def test_devices_without_a_cost_model_are_those_for_live_runs() -> None:
+    library = Library()
+    assert {name for name in library.devices() if library.device(name).model is None} == LIVE_ONLY
+
+
+@pytest.mark.parametrize("name", sorted(set(Library().devices()) - LIVE_ONLY))
 def test_every_device_can_play_both_nodes_of_an_update(name: str) -> None:
     """Its stages have costs, in the paper's proportions unless a fit found others."""
     model = Library().device(name).model
