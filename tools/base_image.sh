@@ -1,10 +1,12 @@
 #!/bin/bash
 # SPDX-License-Identifier: Apache-2.0
-# Makes sure that the base image exists: pulls it, or makes it with debootstrap.
+# base_image.sh [IMAGE]: makes sure that a base image exists (debian:bookworm-slim): pulls it, or makes one of Debian with
+# debootstrap.
 set -euo pipefail
 
-image=debian:bookworm-slim
-suite=bookworm
+image=${1:-debian:bookworm-slim}
+suite=${image#debian:}
+suite=${suite%-slim}
 mirror=${SLAMBED_DEBIAN_MIRROR:-http://deb.debian.org/debian}
 pull_timeout_s=120
 
@@ -14,6 +16,10 @@ fi
 echo "pulling $image"
 if timeout "$pull_timeout_s" docker pull -q "$image"; then
   exit 0
+fi
+if [[ $image != debian:* ]]; then
+  echo "error: cannot pull $image; check the network, or load the image with 'docker load'" >&2
+  exit 3
 fi
 echo "cannot pull $image: making it with debootstrap (about a minute)"
 if [ "$(id -u)" -ne 0 ]; then

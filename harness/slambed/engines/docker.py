@@ -30,6 +30,7 @@ from slambed.engines.docker_python import (
     build_python_image,
     image_name,
     is_made_here,
+    must_have_python,
     python_volume,
 )
 from slambed.engines.docker_segmenter import start_segmenter
@@ -180,35 +181,42 @@ class DockerEngine(ThisHostEngine):
     def image_ids(self, runtime: Runtime, system: str) -> dict[str, str]:
         """Returns current ids: a name may refer to another image later."""
         found: dict[str, str] = {}
-        for role in ("mobile", "edge") if runtime.edge is not None else ("mobile",):
+        roles: tuple[Role, ...] = ("mobile",) if runtime.edge is None else ("mobile", "edge")
+        for role in roles:
             if not (name := image_name(runtime, role)):
                 raise SlambedError(
                     f"system {system} names no image for engine docker; write runtime.image, or "
                     "use --engine local"
                 )
-            found[role] = self._ids[name] = self._id_of(name, runtime, system)
+            found[role] = self._ids[name] = self._id_of(name, runtime, role, system)
         # A query starts no container, which would be needed to test for a GPU.
         for gpu in runtime.gpus if not self._for_questions else ():
             assert self._image is not None
             must_give_gpu(self._client, str(self._image.id), gpu, system)
         return found
 
-    def _id_of(self, name: str, runtime: Runtime, system: str) -> str:
+    def _id_of(self, name: str, runtime: Runtime, role: Role, system: str) -> str:
         """Returns the id of an image, which is made now if it is slambed's own."""
+        made_here = is_made_here(runtime, role)
         with daemon_failures(f"look for image {name}"):
-            with contextlib.suppress(NotFound):
-                return str(self._client.images.get(name).id)
-            if runtime.python is None or not is_made_here(name):
-                raise environment_error(
-                    f"system {system}: there is no image {name} on this host; build it as the "
-                    "system's README says"
-                )
-            if self._for_questions:
-                raise environment_error(
-                    f"system {system}: its image {name} is not made yet; 'slambed run' makes it"
-                )
-            build_python_image(runtime.python, name, version_of(runtime.python), system)
-            return str(self._client.images.get(name).id)
+            try:
+                image = self._client.images.get(name)
+            except NotFound:
+                if not made_here:
+                    raise environment_error(
+                        f"system {system}: there is no image {name} on this host; build it as the "
+                        "system's README says"
+                    ) from None
+                if self._for_questions:
+                    raise environment_error(
+                        f"system {system}: its image {name} is not made yet; 'slambed run' makes it"
+                    ) from None
+                assert runtime.python is not None
+                build_python_image(runtime.python, name, system)
+                image = self._client.images.get(name)
+            if runtime.python is not None and not made_here and not self._for_questions:
+                must_have_python(self._client, name, version_of(runtime.python), system)
+            return str(image.id)
 
     def start(self, plan: NodePlan) -> Node:
         """Creates a container at the start barrier."""

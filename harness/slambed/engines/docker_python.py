@@ -6,15 +6,19 @@ import hashlib
 import os
 import subprocess
 
+import docker
+from docker.errors import APIError, ContainerError
+
 from slambed.engines.base import NodePlan
 from slambed.engines.foreign import ENVIRONMENT_IN_CONTAINER
-from slambed.engines.python_packages import find_environment
+from slambed.engines.python_packages import find_environment, version_of
 from slambed.errors import environment_error
 from slambed.native import repository_root
 from slambed.spec.runtime import PythonPackages, Runtime
 
-BASE = "debian:bookworm-slim"
-BASE_PYTHON = "3.11"
+BASES = {"3.11": "debian:bookworm-slim", "3.12": "ubuntu:24.04", "3.13": "debian:trixie-slim"}
+"""Minor version of Python -> the system that has it. A host with that Python is mostly the same
+system, so that what it installs or compiles fits the C library of the image."""
 REPOSITORY = "slambed-python"
 KEY_DIGITS = 12
 
@@ -22,28 +26,30 @@ KEY_DIGITS = 12
 def image_name(runtime: Runtime, role: str) -> str:
     """Returns the image of a role: the one it names, else the one that slambed makes for its
     Python packages; empty if it has neither."""
-    if (named := runtime.image_of(role)) or runtime.python is None:
-        return named
+    if not is_made_here(runtime, role):
+        return runtime.image_of(role)
+    assert runtime.python is not None
     key = hashlib.sha256(_recipe(runtime.python).encode()).hexdigest()[:KEY_DIGITS]
     return f"{REPOSITORY}:{key}"
 
 
-def is_made_here(name: str) -> bool:
-    """Returns whether slambed makes the image of this name itself."""
-    return name.startswith(f"{REPOSITORY}:")
+def is_made_here(runtime: Runtime, role: str) -> bool:
+    """Returns whether slambed makes the image of this role itself."""
+    return runtime.python is not None and not runtime.image_of(role)
 
 
-def build_python_image(python: PythonPackages, name: str, version: str, system: str) -> None:
-    """Builds the image; output goes to the terminal. `version`: minor version of the packages'
-    Python. Raises SlambedError if the image cannot be built or has another Python."""
-    if version != BASE_PYTHON:
+def build_python_image(python: PythonPackages, name: str, system: str) -> None:
+    """Builds the image; output goes to the terminal. Raises SlambedError if it cannot be built, or
+    if no base has the Python of the packages."""
+    version = version_of(python)
+    if (base := BASES.get(version)) is None:
         raise environment_error(
-            f"system {system} has packages of Python {version}, and {BASE} has {BASE_PYTHON}; name "
-            f"an image with Python {version} in runtime.image, or use --engine local"
+            f"system {system} has packages of Python {version}, and slambed makes images with "
+            f"{', '.join(BASES)}; name an image in runtime.image, or use --engine local"
         )
-    base = subprocess.run(["bash", str(repository_root() / "tools" / "base_image.sh")], check=False)
-    if base.returncode == 0:
-        print(f"making image {name}: {BASE} with {', '.join(['python3', *python.apt])}", flush=True)
+    script = repository_root() / "tools" / "base_image.sh"
+    if subprocess.run(["bash", str(script), base], check=False).returncode == 0:
+        print(f"making image {name}: {base} with {', '.join(['python3', *python.apt])}", flush=True)
         built = subprocess.run(
             ["docker", "build", "--quiet", "-t", name, "-"],
             input=_recipe(python),
@@ -60,6 +66,27 @@ def build_python_image(python: PythonPackages, name: str, version: str, system: 
     )
 
 
+def must_have_python(client: docker.DockerClient, image: str, version: str, system: str) -> None:
+    """Raises SlambedError if the python3 of a user's image is not of the minor version that the
+    packages were installed for: their binary modules would not be found."""
+    command = ["-c", "import sys; print('%d.%d' % sys.version_info[:2])"]
+    try:
+        printed = client.containers.run(
+            image, command, entrypoint="python3", remove=True, network_mode="none"
+        )
+    except (ContainerError, APIError) as refused:
+        reason = str(refused).strip().splitlines()[-1]
+        raise environment_error(
+            f"system {system}: python3 does not start in image {image}: {reason}; correct "
+            "runtime.image, or leave it out and slambed makes one"
+        ) from refused
+    if (found := printed.decode(errors="replace").strip()) != version:
+        raise environment_error(
+            f"system {system} has packages of Python {version}, and image {image} has {found}; "
+            f'write version: "{found}" under python in its system.yaml'
+        )
+
+
 def python_volume(plan: NodePlan) -> dict[str, dict[str, str]]:
     """Returns the volume with the Python packages of a container's system."""
     assert plan.runtime is not None and plan.system_folder is not None
@@ -72,7 +99,7 @@ def python_volume(plan: NodePlan) -> dict[str, dict[str, str]]:
 def _recipe(python: PythonPackages) -> str:
     wanted = " ".join(["python3", *sorted(python.apt)])
     return (
-        f"FROM {BASE}\n"
+        f"FROM {BASES.get(version_of(python), 'scratch')}\n"
         f"RUN apt-get update && apt-get install -y --no-install-recommends {wanted} "
         "&& rm -rf /var/lib/apt/lists/*\n"
     )

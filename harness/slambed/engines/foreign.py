@@ -66,8 +66,8 @@ def environment(
         assert plan.system_folder is not None
         installed = find_environment(plan.runtime.python, plan.system_folder)
         if path is None:
-            # The image has a Python of the same version; the environment's own is a link to one of
-            # the host.
+            # The image has a Python of the same version (docker_python.py); the environment's own
+            # is a link to one of the host.
             python.append(f"{ENVIRONMENT_IN_CONTAINER}/{installed.packages_inside}")
         else:
             usual["PATH"] = f"{installed.programs}:{path}"

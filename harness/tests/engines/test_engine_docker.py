@@ -81,22 +81,29 @@ pytestmark = [
 ]
 
 
-@pytest.fixture(scope="module")
-def image() -> Iterator[Any]:
+@contextlib.contextmanager
+def image_with(program: str, text: str, tag: str) -> Iterator[Any]:
+    """The bare base image with one program."""
     assert CLIENT is not None
     context = io.BytesIO()
     with tarfile.open(fileobj=context, mode="w") as archive:
-        for name, text, mode in (
-            ("Dockerfile", f"FROM {BASE}\nCOPY slambed-node /usr/local/bin/\n", 0o644),
-            ("slambed-node", STAND_IN, 0o755),
+        for name, content, mode in (
+            ("Dockerfile", f"FROM {BASE}\nCOPY {program} /usr/local/bin/\n", 0o644),
+            (program, text, 0o755),
         ):
             info = tarfile.TarInfo(name)
-            info.size, info.mode = len(text.encode()), mode
-            archive.addfile(info, io.BytesIO(text.encode()))
+            info.size, info.mode = len(content.encode()), mode
+            archive.addfile(info, io.BytesIO(content.encode()))
     context.seek(0)
-    built, _ = CLIENT.images.build(fileobj=context, custom_context=True, tag=TAG, rm=True)
+    built, _ = CLIENT.images.build(fileobj=context, custom_context=True, tag=tag, rm=True)
     yield built
-    CLIENT.images.remove(TAG, force=True)
+    CLIENT.images.remove(tag, force=True)
+
+
+@pytest.fixture(scope="module")
+def image() -> Iterator[Any]:
+    with image_with("slambed-node", STAND_IN, TAG) as built:
+        yield built
 
 
 class Bench:
@@ -128,6 +135,26 @@ def bench(tmp_path: Path, image: Any) -> Iterator[Bench]:
 def docker_spec(**changes: Any) -> RunSpec:
     limits = {"cores": 1, "quota_cores": 0.5, "period_ms": 10.0, "memory_mb": 256}
     return run_spec(edge=True, engine="docker", device_mobile=device(**limits), **changes)
+
+
+def test_an_image_of_another_python_than_its_packages_is_refused(bench: Bench) -> None:
+    def ask(image: str, version: str) -> None:
+        runtime = Runtime.model_validate(
+            {
+                "image": image,
+                "python": {"requires": ["numpy"], "version": version},
+                "mobile": {"command": ["python3", "run.py"]},
+            }
+        )
+        assert set(bench.engine.image_ids(runtime, "mine")) == {"mobile"}
+
+    with pytest.raises(SlambedError, match="python3 does not start in image debian:bookworm"):
+        ask(BASE, "3.11")
+    tag = "slambed-test:old-python"
+    with image_with("python3", "#!/bin/sh\necho 3.9\n", tag):
+        with pytest.raises(SlambedError, match=f"Python 3.11, and image {tag} has 3.9"):
+            ask(tag, "3.11")
+        ask(tag, "3.9")
 
 
 def test_two_containers_complete_a_run_within_their_limits(bench: Bench) -> None:

@@ -12,7 +12,7 @@ from pydantic import ValidationError
 
 from slambed.engines import python_packages
 from slambed.engines.base import NodePlan, last_line
-from slambed.engines.docker_python import image_name, python_volume
+from slambed.engines.docker_python import build_python_image, image_name, python_volume
 from slambed.engines.foreign import container_options, environment
 from slambed.engines.python_packages import (
     find_environment,
@@ -160,6 +160,18 @@ def test_the_image_follows_from_the_debian_packages_alone(tmp_path: Path) -> Non
     first = image(requires=["a"], apt=["libgl1", "libsm6"])
     assert first == image(requires=["b"], apt=["libsm6", "libgl1"])
     assert first != image(requires=["a"], apt=["libgl1"])
+
+
+def test_the_image_has_the_python_of_the_packages(tmp_path: Path) -> None:
+    def image(version: str) -> str:
+        plan = plan_of(PythonPackages(requires=["a"], version=version), tmp_path)
+        assert plan.runtime is not None
+        return image_name(plan.runtime, "mobile")
+
+    assert len({image("3.11"), image("3.12"), image("3.13")}) == 3
+    old = PythonPackages(requires=["a"], version="3.9")
+    with pytest.raises(SlambedError, match=r"Python 3\.9, and slambed makes images with 3\.11, "):
+        build_python_image(old, "unused", "mine")
 
 
 def test_run_keys_depend_on_the_installed_versions(tmp_path: Path) -> None:
