@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """YAML that remembers the line of every key, so that a complaint can name it."""
 
+import re
 import types
 from dataclasses import dataclass, field
 from functools import lru_cache
@@ -25,6 +26,8 @@ KINDS = {
     "model_type": "a mapping",
 }
 """Error type of pydantic -> what was expected, in terms of YAML."""
+_POWER_OF_TEN = re.compile(r"([+-]?\d+)(?:\.(\d*))?[eE]\+?(\d+)")
+"""Numbers such as 1e9, which YAML 1.1 reads as text: it wants a point and a sign."""
 Model = TypeVar("Model", bound=BaseModel)
 
 
@@ -196,6 +199,10 @@ def in_words(value: object) -> str:
         return {None: "null", True: "true", False: "false"}[value]
     if isinstance(value, dict):
         return "a mapping"
+    if isinstance(value, str) and (power := _POWER_OF_TEN.fullmatch(value)):
+        whole, fraction, exponent = power.groups()
+        number = f"{whole}.{fraction or 0}e+{exponent}"
+        return f"the text {value!r} (YAML's form of this number is {number})"
     return "a list" if isinstance(value, list) else repr(value)
 
 

@@ -12,6 +12,8 @@ FAULT_FILE = "faults.jsonl"
 """File in the raw run folder that records which fault was injected when."""
 LASTING = ("freeze", "cut")
 """Faults that end after `for_s`."""
+LATEST_S = 100_000.0
+"""As long as a link profile may last: a cut becomes a gap of the profile."""
 
 
 class Fault(BaseModel):
@@ -19,14 +21,14 @@ class Fault(BaseModel):
 
     model_config = ConfigDict(extra="forbid", frozen=True, strict=True, allow_inf_nan=False)
 
-    at_s: float = Field(ge=0)
+    at_s: float = Field(ge=0, le=LATEST_S)
     """Run time at which it begins."""
     edge: EdgeFault | None = None
     """kill: SIGKILL. freeze: SIGSTOP, then SIGCONT after `for_s`; the kernel's TCP stack keeps
     running. restart: the killed program starts again in the same namespace and cgroups."""
     link: Literal["cut"] | None = None
     """All packets in both directions are dropped for `for_s`."""
-    for_s: float | None = Field(default=None, gt=0)
+    for_s: float | None = Field(default=None, gt=0, le=LATEST_S)
     """How long it lasts; of `freeze` and `cut` only, which need it."""
 
     @model_validator(mode="after")

@@ -48,6 +48,8 @@ def with_faults(text: str) -> str:
         ("[{at_s: 1, edge: kill, for: 3}]", ["unknown key 'for'", "'for_s'"]),
         ("[{at_s: 1, edge: kill, for_s: 3}]", ["kill has no for_s"]),
         ("[{at_s: 1, edge: freeze}]", ["freeze needs for_s"]),
+        ("[{at_s: 1, link: cut, for_s: 1.0e+9}]", ["for_s", "100000"]),
+        ("[{at_s: 1, link: cut, for_s: 1e9}]", ["number is 1.0e+9"]),
         ("[{at_s: 1, link: cut, for_s: 0}]", ["greater than 0"]),
         ("[{at_s: 2, edge: kill}, {at_s: 1, link: cut, for_s: 1}]", ["not in the order of at_s"]),
         ("[{at_s: 1, edge: restart}]", ["restart at 1 s: the edge is alive then"]),
