@@ -2,6 +2,7 @@
 """Writes slambed's vocabulary in DBoW2's text format, which ORB-SLAM2 and ORB-SLAM3 read."""
 
 import sys
+import zlib
 from pathlib import Path
 
 import numpy as np
@@ -21,6 +22,10 @@ def as_dbow2_text(vocabulary: Path, written: Path) -> Path:
         if file.read(len(MAGIC)) != MAGIC:
             return vocabulary
     content = vocabulary.read_bytes()
+    header, records = content[:HEADER_BYTES], content[HEADER_BYTES:]
+    checksum = int.from_bytes(header[20:24], "little")
+    if len(header) < HEADER_BYTES or zlib.crc32(records) != checksum:
+        sys.exit("error: the vocabulary is damaged: its checksum does not match; copy it again")
     branching, depth = np.frombuffer(content, "<u2", 2, 6)
     nodes = np.frombuffer(content, NODE, offset=HEADER_BYTES)
     parents = np.zeros(len(nodes), int)

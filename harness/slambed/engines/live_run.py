@@ -36,6 +36,7 @@ from slambed.engines.segmenter_keeper import SegmenterKeeper
 from slambed.engines.written_bytes import WrittenBytes
 from slambed.errors import ExitCode, KilledError, PassingError
 from slambed.link.facts import LinkFacts
+from slambed.process.endings import ending
 from slambed.records.run_config import RunConfig
 from slambed.sampling.record import (
     AskedLimits,
@@ -282,7 +283,7 @@ class LiveRun:
         if (how := from_outside(self._nodes[role], code, self._run_dir)) is not None:
             raise KilledError(f"the {role} node {how} before it was ready")
         last_words = last_line(self._run_dir / role / "log.txt").removeprefix("error: ")
-        line = f"the {role} node ended before it was ready (exit code {code}): {last_words}"
+        line = f"the {role} node ended before it was ready ({ending(code)}): {last_words}"
         if code in (ExitCode.ENVIRONMENT, ExitCode.PEER):
             raise PassingError(line, ExitCode(code))
         return ("refused" if code == ExitCode.BAD_INPUT else "died"), line

@@ -36,7 +36,7 @@ def how_it_died(node: Node, code: int, run_dir: Path) -> str:
     if (outside := from_outside(node, code, run_dir)) is not None:
         return f"{node.role} node: {outside}"
     how = "killed at its memory limit" if node.out_of_memory() else ending(code)
-    return f"{node.role} node: {how}: {last_line(run_dir / node.role / 'log.txt')}"
+    return f"{node.role} node: {how}; last line: {last_line(run_dir / node.role / 'log.txt')}"
 
 
 @contextmanager

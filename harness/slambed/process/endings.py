@@ -22,5 +22,9 @@ def ended_from_outside(code: int) -> bool:
 
 
 def ending(code: int) -> str:
-    """Returns `signal 9` or `exit code 3`."""
-    return f"signal {-code}" if code < 0 else f"exit code {code}"
+    """Returns `signal 11, SIGSEGV` or `exit code 3`."""
+    number = signal_of(code)
+    if number is None:
+        return f"exit code {code}"
+    names = {member.value: member.name for member in signal.Signals}
+    return f"signal {number}, {names.get(number, 'unknown')}"

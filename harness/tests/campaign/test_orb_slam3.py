@@ -42,6 +42,19 @@ def test_our_vocabulary_is_written_as_dbow2_has_it(tmp_path: Path) -> None:
 
 
 @pytest.mark.programs
+def test_a_damaged_vocabulary_is_one_line(tmp_path: Path) -> None:
+    whole = WORDS.read_bytes()
+    for damaged in (whole[:200_000], whole[:5000] + b"x" + whole[5001:], whole[:10]):
+        (tmp_path / "bad.slv").write_bytes(damaged)
+        done = subprocess.run(
+            [sys.executable, EXAMPLE / "vocabulary.py", tmp_path / "bad.slv", tmp_path / "t.txt"],
+            capture_output=True, text=True, check=False,
+        )  # fmt: skip
+        assert done.returncode == 1 and not (tmp_path / "t.txt").exists()
+        assert done.stderr.startswith("error: the vocabulary is damaged")
+        assert done.stderr.count("\n") == 1
+
+
 @pytest.mark.skipif(not has_vocabulary_tool(), reason="needs slambed-vocab ('make build')")
 def test_our_reader_of_that_format_gets_the_same_vocabulary(tmp_path: Path) -> None:
     converted(WORDS, tmp_path / "orb.txt")

@@ -45,7 +45,7 @@ def test_what_a_code_says_of_an_end(code: int, number: int | None, outside: bool
 @pytest.mark.parametrize(
     ("number", "expected"),
     [
-        (signal.SIGKILL, "was killed from outside (signal 9)"),
+        (signal.SIGKILL, "was killed from outside (signal 9, SIGKILL)"),
         (signal.SIGTERM, "was asked to stop from outside"),
     ],
 )
@@ -81,7 +81,7 @@ def test_a_node_killed_at_the_start_barrier_costs_an_attempt(bench: Bench) -> No
 BARRIERS = {
     # Replacement of the launcher -> the error and its message.
     "import time; time.sleep(60)": (PassingError, "did not reach the start barrier within 1 s"),
-    "import os; os.kill(os.getpid(), 9)": (KilledError, "it was killed .signal 9"),
+    "import os; os.kill(os.getpid(), 9)": (KilledError, "it was killed .signal 9, SIGKILL"),
 }
 
 

@@ -240,7 +240,7 @@ def test_a_watcher_that_does_not_answer_is_late_itself(monkeypatch: pytest.Monke
         ("the end of the link's cut came at 4.7 s, not at 4.0 s", None, False),
         ("the RTT of the link was not measured", None, False),
         ("link: no RTT was measured", None, False),
-        ("the mobile node was killed from outside (signal 9)", None, None),
+        ("the mobile node was killed from outside (signal 9, SIGKILL)", None, None),
         ("", None, None),
     ],
 )
