@@ -2,14 +2,15 @@
 """The image of systems with `runtime: python:` that name none: Debian's Python, and the Debian
 packages that the system asks for. The packages of PyPI are mounted from the cache."""
 
+import contextlib
 import hashlib
 import os
 import subprocess
 
 import docker
-from docker.errors import APIError, ContainerError
+from docker.errors import APIError, NotFound
 
-from slambed.engines.base import NodePlan
+from slambed.engines.base import LABEL, NodePlan
 from slambed.engines.foreign import ENVIRONMENT_IN_CONTAINER
 from slambed.engines.python_packages import find_environment, version_of
 from slambed.errors import environment_error
@@ -21,6 +22,7 @@ BASES = {"3.11": "debian:bookworm-slim", "3.12": "ubuntu:24.04", "3.13": "debian
 system, so that what it installs or compiles fits the C library of the image."""
 REPOSITORY = "slambed-python"
 KEY_DIGITS = 12
+ANSWER_LIMIT_S = 60
 
 
 def image_name(runtime: Runtime, role: str) -> str:
@@ -69,21 +71,29 @@ def build_python_image(python: PythonPackages, name: str, system: str) -> None:
 def must_have_python(client: docker.DockerClient, image: str, version: str, system: str) -> None:
     """Raises SlambedError if the python3 of a user's image is not of the minor version that the
     packages were installed for: their binary modules would not be found."""
-    command = ["-c", "import sys; print('%d.%d' % sys.version_info[:2])"]
+    container = client.containers.create(
+        image,
+        ["-c", "import sys; print('%d.%d' % sys.version_info[:2])"],
+        entrypoint=["python3"],
+        labels={LABEL: "python"},
+        network_mode="none",
+    )
     try:
-        printed = client.containers.run(
-            image, command, entrypoint="python3", remove=True, network_mode="none"
-        )
-    except (ContainerError, APIError) as refused:
-        reason = str(refused).strip().splitlines()[-1]
+        container.start()
+        container.wait(timeout=ANSWER_LIMIT_S)
+        found = container.logs(stderr=False).decode(errors="replace").strip()
+    except APIError as refused:
         raise environment_error(
-            f"system {system}: python3 does not start in image {image}: {reason}; correct "
-            "runtime.image, or leave it out and slambed makes one"
-        ) from refused
-    if (found := printed.decode(errors="replace").strip()) != version:
+            f"system {system}: python3 does not start in image {image}: {refused.explanation}; "
+            "correct runtime.image, or leave it out and slambed makes one"
+        ) from None
+    finally:
+        with contextlib.suppress(NotFound):
+            container.remove(force=True, v=True)
+    if found != version:
         raise environment_error(
-            f"system {system} has packages of Python {version}, and image {image} has {found}; "
-            f'write version: "{found}" under python in its system.yaml'
+            f"system {system} has packages of Python {version}, and image {image} has "
+            f"{found or 'none that answers'}; name its version under python in its system.yaml"
         )
 
 

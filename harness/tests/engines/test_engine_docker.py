@@ -155,6 +155,8 @@ def test_an_image_of_another_python_than_its_packages_is_refused(bench: Bench) -
         with pytest.raises(SlambedError, match=f"Python 3.11, and image {tag} has 3.9"):
             ask(tag, "3.11")
         ask(tag, "3.9")
+    assert CLIENT is not None
+    assert CLIENT.containers.list(all=True, filters={"label": f"{LABEL}=python"}) == []
 
 
 def test_two_containers_complete_a_run_within_their_limits(bench: Bench) -> None:
