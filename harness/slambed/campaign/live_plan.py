@@ -22,17 +22,22 @@ def plan_of(
     software: str,
     count: int,
     provide: Provider,
-    notify: Callable[[str], None],
+    notify: Callable[[str], None] | None,
     board: Board | None,
-    make: bool = True,
 ) -> Plan:
-    """Returns the plan of runs on this engine. With `make`, missing Python packages of systems are
-    installed."""
+    """Returns the plan of runs on this engine. With `notify`, missing Python packages of systems
+    are installed."""
     experiment, _, library, _ = files
-    install = notify if make else None
-    foreign = software_of_foreign(experiment, library, engine, software, install)
+    foreign = software_of_foreign(experiment, library, engine, software, notify)
     return make_plan(
-        *files, engine.name, software, count, provide, foreign=foreign, notify=notify, board=board
+        *files,
+        engine.name,
+        software,
+        count,
+        provide,
+        foreign=foreign,
+        notify=notify or (lambda line: None),
+        board=board,
     )
 
 
@@ -42,16 +47,15 @@ def look_ahead(
     count: int,
     provide: Provider,
     console: Console,
-    notify: Callable[[str], None],
-    make: bool = True,
+    notify: Callable[[str], None] | None,
 ) -> Plan:
     """Returns the plan without taking host or board: builds no image and cleans nothing.
-    Sequences, inputs and, with `make`, Python packages that run keys depend on are created if they
-    are missing."""
+    Sequences, inputs and, with `notify`, Python packages that run keys depend on are created if
+    they are missing."""
     engine, software = choose_engine(asked, console, build=None)
     roles = files[0].roles
     board = None if roles is None else look_at_board(roles.mobile)
-    return plan_of(files, engine, software, count, provide, notify, board, make)
+    return plan_of(files, engine, software, count, provide, notify, board)
 
 
 def as_it_is(files: Files, asked: str, count: int) -> Plan:
@@ -64,8 +68,7 @@ def as_it_is(files: Files, asked: str, count: int) -> Plan:
         count,
         lambda name: kept_input(name, library).file,
         Console(quiet=True),
-        lambda line: None,
-        make=False,
+        notify=None,
     )
 
 

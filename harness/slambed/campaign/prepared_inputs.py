@@ -6,8 +6,7 @@ import hashlib
 import json
 import shutil
 import sys
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -15,9 +14,8 @@ from typing import Any
 from slambed.campaign.ledger import utc_now
 from slambed.campaign.plan import Plan, Provider, make_plan
 from slambed.campaign.virtual_task import VirtualTask
-from slambed.data.places import cache_folder, no_cache
+from slambed.data.places import cache_folder, making
 from slambed.errors import SlambedError
-from slambed.files.atomic import lock_file
 from slambed.files.json_file import object_or_empty
 from slambed.metrics.collect import read_log
 from slambed.metrics.summary import Summary
@@ -57,7 +55,7 @@ def prepare_input(name: str, library: Library, notify: Notify) -> PreparedInput:
     folder = inputs_folder() / f"{recipe.id}-{_key(plan, recipe)}"
     if (ready := _open(folder, recipe, notify)) is not None:
         return ready
-    with _lock(recipe.id, notify):
+    with making(inputs_folder(), recipe.id, f"makes {recipe.id}", notify):
         if (ready := _open(folder, recipe, notify)) is None:
             notify(f"making input {recipe.id}: {recipe.title}")
             _make(folder, plan, recipe)
@@ -191,17 +189,3 @@ def _facts(raw: Path, summary: Summary) -> dict[str, float]:
         "loops_closed": summary.number("loops_closed") or 0.0,
         "global_bundles": float(len(bundles)),
     }
-
-
-@contextmanager
-def _lock(name: str, notify: Notify) -> Iterator[None]:
-    """Prevents two processes from creating the same input concurrently."""
-    folder = inputs_folder()
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-        file = (folder / f".{name}.lock").open("w")
-    except OSError as refused:
-        raise no_cache(folder, refused) from refused
-    with file:
-        lock_file(file, f"makes {name}", notify)
-        yield

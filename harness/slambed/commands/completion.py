@@ -15,10 +15,10 @@ from typing import Annotated
 import typer
 
 from slambed.commands.older_verbs import renewed
+from slambed.commands.shared_options import ENGINES
 from slambed.native import repository_root
 
 VARIABLE = "_SLAMBED_COMPLETE"
-ENGINES = ("auto", "docker", "local", "virtual")
 NO_CHOICE: tuple[str, ...] = ()
 VALUES: dict[str, tuple[str, ...]] = {
     "--engine": ENGINES,

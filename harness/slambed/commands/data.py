@@ -12,6 +12,7 @@ from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 from rich.table import Table
 
+from slambed.commands.shared_options import PictureOption
 from slambed.data import places
 from slambed.errors import ExitCode
 from slambed.files.outputs import SHEETS, figure_file, writing
@@ -135,9 +136,7 @@ def verify(path: Annotated[Path, typer.Argument(help="folder of a prepared seque
 @app.command()
 def show(
     dataset: Id,
-    output: Annotated[
-        Path | None, typer.Option(help="PNG to write; default: in the cache, its path is printed")
-    ] = None,
+    output: PictureOption = None,
     frames: Annotated[int, typer.Option(min=1, max=200, help="pictures on the sheet")] = 12,
 ) -> None:
     """Write a contact sheet of a sequence."""

@@ -9,6 +9,7 @@ import typer
 
 from slambed.errors import SlambedError
 from slambed.files.outputs import make_folder
+from slambed.terminal import RESULTS, ResultsOption
 
 if TYPE_CHECKING:
     from slambed.explain.picture import Window
@@ -23,9 +24,7 @@ AROUND_S = 2.0
 
 def explain(
     run: Annotated[str, typer.Argument(help="Run folder, or (the beginning of) a run key.")],
-    results: Annotated[Path, typer.Option("--results", help="Folder of all results.")] = Path(
-        "results"
-    ),
+    results: ResultsOption = RESULTS,
     output: Annotated[
         Path | None, typer.Option("-o", "--output", help="Picture: .png, .svg or .pdf.")
     ] = None,

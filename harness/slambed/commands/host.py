@@ -10,7 +10,8 @@ import typer
 from rich.table import Table
 from rich.text import Text
 
-from slambed.errors import ExitCode, SlambedError, environment_error
+from slambed.commands.shared_options import check_engine
+from slambed.errors import ExitCode, environment_error
 from slambed.files.outputs import make_folder
 from slambed.terminal import JsonOption, console, print_json
 
@@ -65,8 +66,7 @@ def setup(
     from slambed.native import brings_programs, build_folder, repository_root
     from slambed.spec.software import source_hash
 
-    if engine not in ("auto", "docker", "local", "virtual"):
-        raise SlambedError(f"unknown engine '{engine}'; known: auto, docker, local, virtual")
+    check_engine(engine)
     place = build_folder()
     if not brings_programs():
         make_folder(place, "$SLAMBED_CACHE")

@@ -1,15 +1,13 @@
 # SPDX-License-Identifier: Apache-2.0
 """`slambed infer`."""
 
-import sys
-from pathlib import Path
 from typing import Annotated
 
 import typer
 
+from slambed.commands.shared_options import JobsOption, interrupted
 from slambed.errors import ExitCode, SlambedError
-from slambed.failures import INTERRUPTED
-from slambed.terminal import console
+from slambed.terminal import RESULTS, ResultsOption, console
 
 
 def infer(
@@ -20,12 +18,8 @@ def infer(
     dry_run: Annotated[
         bool, typer.Option("--dry-run", help="Show how many runs it takes, and how long.")
     ] = False,
-    results: Annotated[Path, typer.Option("--results", help="Folder of all results.")] = Path(
-        "results"
-    ),
-    jobs: Annotated[
-        int | None, typer.Option(min=1, help="Virtual runs at a time; all CPUs if not given.")
-    ] = None,
+    results: ResultsOption = RESULTS,
+    jobs: JobsOption = None,
 ) -> None:
     """Fit a paper's unknown parameters to some of its numbers, and predict others.
 
@@ -51,9 +45,7 @@ def infer(
     try:
         outcome = run_inference(session)
     except StoppedError:
-        again = " ".join(["slambed", *sys.argv[1:]])
-        typer.echo(f"interrupted; finished runs are kept, go on with: {again}", err=True)
-        raise typer.Exit(INTERRUPTED) from None
+        raise interrupted() from None
     path = write_page(outcome, session.folder)
     for line in headline(outcome):
         typer.echo(line)

@@ -11,6 +11,7 @@ import typer
 from rich.table import Table
 
 from slambed.commands.profiles import SetOption, load_changed
+from slambed.commands.shared_options import PictureOption
 from slambed.data.places import picture
 from slambed.errors import ExitCode, SlambedError
 from slambed.files.outputs import figure_file, make_folder, writing
@@ -171,9 +172,7 @@ def _keep(table: pd.DataFrame, output: Path | None) -> None:
 @app.command()
 def compare(
     logs: Annotated[list[Path], typer.Argument(help="Link logs: CSV of `link bench` or Parquet.")],
-    output: Annotated[
-        Path | None, typer.Option(help="PNG to write; default: in the cache, its path is printed.")
-    ] = None,
+    output: PictureOption = None,
 ) -> None:
     """Plot link logs side by side: requested, applied and measured RTT, and the error."""
     import pandas as pd

@@ -2,14 +2,21 @@
 """Commands about published numbers: papers compare, kept, run, list, counts, lint, plan, power,
 rates."""
 
-import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from slambed.commands.shared_options import (
+    EngineOption,
+    JobsOption,
+    SchedulerOption,
+    SlurmOption,
+    check_cluster,
+    check_engine,
+    interrupted,
+)
 from slambed.errors import ExitCode, SlambedError
-from slambed.failures import INTERRUPTED
 from slambed.terminal import RESULTS, JsonOption, ResultsOption, print_json
 
 if TYPE_CHECKING:
@@ -23,6 +30,7 @@ COMPARE = "slambed papers compare"
 KEPT = "slambed papers kept"
 ABOUT = "Published numbers beside ours; alone it is `papers compare` of all."
 app = typer.Typer(help=ABOUT)
+PaperNames = Annotated[list[str] | None, typer.Argument(help="Names in papers/; all if none.")]
 
 
 @app.callback(invoke_without_command=True)
@@ -36,9 +44,7 @@ def papers(context: typer.Context, results: ResultsOption = RESULTS) -> None:
 
 @app.command()
 def compare(
-    names: Annotated[
-        list[str] | None, typer.Argument(help="Names in papers/; all if none.")
-    ] = None,
+    names: PaperNames = None,
     results: ResultsOption = RESULTS,
     out: Annotated[Path | None, typer.Option(help="Where pages go: <results>/papers.")] = None,
     every: Annotated[bool, typer.Option("--all", help="List every number here too.")] = False,
@@ -49,9 +55,7 @@ def compare(
 
 @app.command()
 def kept(
-    names: Annotated[
-        list[str] | None, typer.Argument(help="Names in papers/; all if none.")
-    ] = None,
+    names: PaperNames = None,
     out: Annotated[Path, typer.Option(help="Where the pages and the extracted runs go.")] = RESULTS
     / PAGES
     / "kept",
@@ -84,23 +88,16 @@ def run(
         str | None,
         typer.Option(help="Runs per cell: a number, 'paper', or 'plan' (papers/NAME/plan.yaml)."),
     ] = None,
-    engine: Annotated[str | None, typer.Option(help="docker, local, virtual or auto.")] = None,
-    jobs: Annotated[
-        int | None, typer.Option(min=1, help="Virtual runs at a time; all CPUs if not given.")
-    ] = None,
+    engine: EngineOption = None,
+    jobs: JobsOption = None,
     budget: Annotated[
         str | None, typer.Option(help="Start no run after this time: 2h, 90min, 1h30min.")
     ] = None,
     part: Annotated[
         str | None, typer.Option(help="Only part I/N of the runs, with N machines at work.")
     ] = None,
-    scheduler: Annotated[
-        str | None,
-        typer.Option(help="Make virtual runs on the workers of this Dask scheduler: tcp://..."),
-    ] = None,
-    slurm: Annotated[
-        bool, typer.Option("--slurm", help="Make virtual runs in --jobs Slurm jobs.")
-    ] = False,
+    scheduler: SchedulerOption = None,
+    slurm: SlurmOption = False,
     reuse_only: Annotated[bool, typer.Option("--reuse-only", help="Run nothing.")] = False,
 ) -> None:
     """Run or reuse every experiment of a paper, main claims first, and write one page about it."""
@@ -109,6 +106,8 @@ def run(
     from slambed.campaign.overall import budget_s
     from slambed.papers.published import read_papers
 
+    check_engine(engine)
+    check_cluster(scheduler, slurm)
     chosen = read_papers(None if name == "all" else [name])
     pages = [paper.id for paper in chosen]
     seconds = None if budget is None else budget_s(budget)
@@ -125,21 +124,14 @@ def run(
     )
     played = play(chosen, options, seconds)
     if played.interrupted:
-        again = " ".join(["slambed", *sys.argv[1:]])
-        typer.echo(
-            f"interrupted; finished runs are kept, {played.left_words}; go on with: {again}",
-            err=True,
-        )
-        raise typer.Exit(INTERRUPTED)
+        raise interrupted(played.left_words)
     write_pages(pages, results, results / PAGES, every=False)
     raise_unless_done(played)
 
 
 @app.command()
 def counts(
-    names: Annotated[
-        list[str] | None, typer.Argument(help="Names in papers/; all if none.")
-    ] = None,
+    names: PaperNames = None,
     results: ResultsOption = RESULTS,
     as_json: JsonOption = False,
 ) -> None:
@@ -165,9 +157,7 @@ def counts(
 
 @app.command()
 def lint(
-    names: Annotated[
-        list[str] | None, typer.Argument(help="Names in papers/; all if none.")
-    ] = None,
+    names: PaperNames = None,
     as_json: JsonOption = False,
 ) -> None:
     """Check that every published number is mapped or has a reason why not, and that all names

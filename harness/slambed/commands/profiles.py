@@ -4,12 +4,12 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 from rich.table import Table
 
+from slambed.commands.shared_options import PictureOption
 from slambed.data.places import picture
 from slambed.errors import SlambedError
 from slambed.files.outputs import figure_file
@@ -84,9 +84,7 @@ def list_profiles(as_json: JsonOption = False) -> None:
 def show(
     name: Annotated[str, typer.Argument(help="Name in netem_profiles/, or path of a YAML file.")],
     values: SetOption = None,
-    output: Annotated[
-        Path | None, typer.Option(help="PNG to write; default: in the cache, its path is printed.")
-    ] = None,
+    output: PictureOption = None,
     until_s: Annotated[float | None, typer.Option(help="Seconds to show.")] = None,
     as_json: JsonOption = False,
 ) -> None:

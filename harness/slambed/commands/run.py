@@ -1,14 +1,21 @@
 # SPDX-License-Identifier: Apache-2.0
 """`slambed run`."""
 
-import sys
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
+from slambed.commands.shared_options import (
+    EngineOption,
+    JobsOption,
+    SchedulerOption,
+    SlurmOption,
+    check_cluster,
+    check_engine,
+    interrupted,
+)
 from slambed.errors import SlambedError
-from slambed.failures import INTERRUPTED
 from slambed.spec.experiment_name import must_be_an_experiment
 from slambed.spec.selection import SYNTAX
 from slambed.terminal import RESULTS, ResultsOption, console
@@ -25,10 +32,7 @@ def run(
     runs: Annotated[
         str | None, typer.Option(help="Runs per cell: a number, 'default' or 'paper'.")
     ] = None,
-    engine: Annotated[
-        str | None,
-        typer.Option(help="docker, local, virtual or auto; instead of the experiment's."),
-    ] = None,
+    engine: EngineOption = None,
     results: ResultsOption = RESULTS,
     check: Annotated[
         bool,
@@ -37,16 +41,9 @@ def run(
     wait: Annotated[
         bool, typer.Option("--wait", help="Wait for another campaign on this host to end.")
     ] = False,
-    jobs: Annotated[
-        int | None, typer.Option(min=1, help="Virtual runs at a time; all CPUs if not given.")
-    ] = None,
-    scheduler: Annotated[
-        str | None,
-        typer.Option(help="Make virtual runs on the workers of this Dask scheduler: tcp://..."),
-    ] = None,
-    slurm: Annotated[
-        bool, typer.Option("--slurm", help="Make virtual runs in --jobs Slurm jobs.")
-    ] = False,
+    jobs: JobsOption = None,
+    scheduler: SchedulerOption = None,
+    slurm: SlurmOption = False,
     hosts: Annotated[
         Path | None,
         typer.Option(help="Make live runs on the hosts of this YAML file, one at a time on each."),
@@ -97,8 +94,8 @@ def run(
         _list_experiments(context)
         return
     must_be_an_experiment(experiment, Library().experiments())
-    if engine not in (None, "auto", "docker", "local", "virtual"):
-        raise SlambedError(f"unknown engine '{engine}'; known: auto, docker, local, virtual")
+    check_engine(engine)
+    check_cluster(scheduler, slurm)
     if check:
         library = Library()
         if only or force:
@@ -119,8 +116,6 @@ def run(
             typer.echo(line)
         return
     screen = console()
-    if scheduler and slurm:
-        raise SlambedError("give one of --scheduler ADDRESS, --slurm")
     options = Options(
         runs,
         engine,
@@ -141,9 +136,7 @@ def run(
     )
     verdict = run_and_report(experiment, options, screen, figures)
     if verdict.interrupted:
-        again = " ".join(["slambed", *sys.argv[1:]])
-        typer.echo(f"interrupted; finished runs are kept, go on with: {again}", err=True)
-        raise typer.Exit(INTERRUPTED)
+        raise interrupted()
     raise_unless_good([verdict], experiment)
 
 

@@ -1,12 +1,12 @@
 # SPDX-License-Identifier: Apache-2.0
 """`slambed serve`."""
 
-from pathlib import Path
 from typing import Annotated
 
 import typer
 
 from slambed.errors import SlambedError
+from slambed.terminal import RESULTS, ResultsOption
 
 PORT = 8350
 
@@ -15,9 +15,7 @@ def serve(
     port: Annotated[
         int, typer.Option(min=0, max=65535, help="TCP port on 127.0.0.1; 0: any that is free.")
     ] = PORT,
-    results: Annotated[Path, typer.Option("--results", help="Folder of all results.")] = Path(
-        "results"
-    ),
+    results: ResultsOption = RESULTS,
 ) -> None:
     """Show results in the browser: experiments, and runs with their paths and images.
 

@@ -14,7 +14,7 @@ from rich.console import Console
 from rich.live import Live
 
 from slambed.errors import SlambedError
-from slambed.terminal import console
+from slambed.terminal import RESULTS, ResultsOption, console
 
 if TYPE_CHECKING:
     from slambed.campaign.watch import CampaignWatch, Watched
@@ -26,9 +26,7 @@ def watch(
     name: Annotated[
         str | None, typer.Argument(help="Experiment; whatever runs where none is named.")
     ] = None,
-    results: Annotated[Path, typer.Option("--results", help="Folder of all results.")] = Path(
-        "results"
-    ),
+    results: ResultsOption = RESULTS,
     once: Annotated[bool, typer.Option("--once", help="Show how it is now, and end.")] = False,
     as_json: Annotated[
         bool, typer.Option("--json", help="The same as JSON; only with --once.")

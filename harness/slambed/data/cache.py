@@ -5,16 +5,13 @@ from __future__ import annotations
 
 import os
 import shutil
-from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
 
-from slambed.data.places import no_cache
+from slambed.data.places import making, no_cache
 from slambed.data.preparation import Job, Notify, Progress
 from slambed.data.prepared import SEQUENCE_FILE, PreparedSequence
 from slambed.data.recipe import Dataset
 from slambed.errors import SlambedError, environment_error
-from slambed.files.atomic import lock_file
 from slambed.files.json_file import read_object
 
 _KEY_DIGITS = 12
@@ -38,7 +35,7 @@ class SequenceCache:
         path = self.folder / f"{dataset.id}-{job.key()[:_KEY_DIGITS]}"
         if (ready := _open_or_none(path)) is not None:
             return ready
-        with self._lock(dataset.id, notify):
+        with making(self.folder, dataset.id, f"prepares {dataset.id}", notify):
             if (ready := _open_or_none(path)) is not None:
                 return ready
             self._sweep(dataset.id)
@@ -75,17 +72,6 @@ class SequenceCache:
             return []
         except OSError as refused:
             raise no_cache(self.folder, refused) from refused
-
-    @contextmanager
-    def _lock(self, name: str, notify: Notify) -> Iterator[None]:
-        try:
-            self.folder.mkdir(parents=True, exist_ok=True)
-            file = (self.folder / f".{name}.lock").open("w")
-        except OSError as refused:
-            raise no_cache(self.folder, refused) from refused
-        with file:
-            lock_file(file, f"prepares {name}", notify)
-            yield
 
     def _sweep(self, name: str) -> None:
         """Removes leftovers of killed preparations of this dataset; requires the lock."""

@@ -4,9 +4,12 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 from slambed.errors import SlambedError, environment_error
+from slambed.files.atomic import lock_file
 from slambed.files.outputs import make_folder
 from slambed.native import cache_folder as cache_folder
 from slambed.native import is_installed, repository_root
@@ -73,6 +76,23 @@ def no_cache(folder: Path, refused: OSError) -> SlambedError:
     return environment_error(
         f"{folder}: {refused.strerror}; set SLAMBED_CACHE to a folder you may read and write"
     )
+
+
+@contextmanager
+def making(folder: Path, name: str, what: str, notify: Callable[[str], None]) -> Iterator[None]:
+    """Keeps other processes from making `name` in a folder of the cache until the block ends.
+
+    `what` is what the block does, such as "makes a map", for those who wait. Look again in the
+    block: another process may have made it. Raises SlambedError where the folder is not ours.
+    """
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        file = (folder / f".{name}.lock").open("w")
+    except OSError as refused:
+        raise no_cache(folder, refused) from refused
+    with file:
+        lock_file(file, what, notify)
+        yield
 
 
 def download_folder() -> Path:

@@ -33,7 +33,7 @@ from slambed.engines.result import (
     time_limit_s,
 )
 from slambed.engines.segmenter_keeper import SegmenterKeeper
-from slambed.engines.written_bytes import WrittenBytes
+from slambed.engines.written_bytes import TooManyBytesError, WrittenBytes
 from slambed.errors import ExitCode, KilledError, PassingError
 from slambed.link.facts import LinkFacts
 from slambed.process.endings import ending
@@ -253,6 +253,13 @@ class LiveRun:
 
     def _await_ready(self) -> tuple[Outcome, str] | None:
         """Returns None once all nodes are ready, otherwise how one of them ended before."""
+        try:
+            return self._ended_unready()
+        except TooManyBytesError as error:
+            self._end_nodes()
+            return "died", str(error)
+
+    def _ended_unready(self) -> tuple[Outcome, str] | None:
         runtime = self._spec.runtime
         patience_s = READY_TIMEOUT_S if runtime is None else runtime.ready_s
         deadline = time.monotonic() + patience_s
@@ -264,9 +271,7 @@ class LiveRun:
                     return self._refused(role, code)
             if self._stop.is_set():
                 raise InterruptedRunError
-            if (too_many := self._written.too_many()) is not None:
-                self._end_nodes()
-                return "died", too_many
+            self._written.watch()
             if self._link is not None and not self._link.alive():
                 raise PassingError("the link ended before the run began")
             if time.monotonic() > deadline:
@@ -278,8 +283,7 @@ class LiveRun:
         return None
 
     def _refused(self, role: Role, code: int) -> tuple[Outcome, str]:
-        if (too_many := self._written.reason()) is not None:
-            return "died", too_many
+        self._written.look()
         if (how := from_outside(self._nodes[role], code, self._run_dir)) is not None:
             raise KilledError(f"the {role} node {how} before it was ready")
         last_words = last_line(self._run_dir / role / "log.txt").removeprefix("error: ")
@@ -309,8 +313,22 @@ class LiveRun:
         return t0_ns
 
     def _watch(self, faults: FaultDriver) -> tuple[Outcome, str | None]:
-        """Watches until the mobile node has ended. A dead edge or link does not end the run: the
-        behavior of the mobile node is the result."""
+        """Watches until the run has ended, and ends its nodes."""
+        try:
+            ended = self._until_ended(faults)
+            self._end(faults)
+            self._written.look()
+        except TooManyBytesError as error:
+            self._end(faults)
+            return "died", str(error)
+        except InterruptedRunError:
+            self._end(faults)
+            raise
+        return ended
+
+    def _until_ended(self, faults: FaultDriver) -> tuple[Outcome, str | None]:
+        """Returns how the mobile node ended. A dead edge or link does not end the run: the behavior
+        of the mobile node is the result."""
         deadline = time.monotonic() + self._limit_s
         ended: tuple[Outcome, str] | None = None
         link_died = False
@@ -322,16 +340,9 @@ class LiveRun:
             if self._segmenter is not None and edge is not None:
                 self._segmenter.act(faults.note, edge.exit_code() is None)
             if self._stop.wait(faults.wait_s(WATCH_PERIOD_S)):
-                faults.finish()
-                self._end_nodes()
                 raise InterruptedRunError
-            if (too_many := self._written.too_many()) is not None:
-                faults.finish()
-                self._end_nodes()
-                return "died", too_many
+            self._written.watch()
             if time.monotonic() > deadline:
-                faults.finish()
-                self._end_nodes()
                 return "timed_out", f"not finished after {self._limit_s:.0f} s"
             missed = ended is None and not faults.edge_is_dead
             if missed and edge is not None and self._ended_early(edge):
@@ -341,14 +352,10 @@ class LiveRun:
                 self._invalid_reasons.append("the link ended in the middle of the run")
         faults.finish()
         if code != 0 or from_outside(mobile, code, self._run_dir):
-            self._end_nodes()
             return self._died("mobile", code)
         edge = self._nodes.get("edge")
         if edge is not None and ended is None and not faults.edge_is_dead:
             ended = self._await_edge(edge)
-        self._end_nodes()
-        if (too_many := self._written.reason()) is not None:
-            return "died", too_many
         return ended or ("completed", None)
 
     def _ended_early(self, edge: Node) -> bool:
@@ -363,10 +370,8 @@ class LiveRun:
         deadline = time.monotonic() + EDGE_GRACE_S
         while (code := edge.exit_code()) is None:
             if self._stop.wait(WATCH_PERIOD_S):
-                self._end_nodes()
                 raise InterruptedRunError
-            if (too_many := self._written.too_many()) is not None:
-                return "died", too_many
+            self._written.watch()
             if time.monotonic() > deadline:
                 return (
                     "timed_out",
@@ -378,12 +383,16 @@ class LiveRun:
 
     def _died(self, role: Role, code: int) -> tuple[Outcome, str]:
         """Returns the outcome; marks the run invalid if the end was caused from outside."""
-        if (too_many := self._written.reason()) is not None:
-            return "died", too_many
+        self._written.look()
         node = self._nodes[role]
         if (how := from_outside(node, code, self._run_dir)) is not None:
             self._invalid_reasons.append(f"the {role} node {how}")
         return "died", how_it_died(node, code, self._run_dir)
+
+    def _end(self, faults: FaultDriver) -> None:
+        """Ends the nodes once the faults are over: a frozen node could not stop by itself."""
+        faults.finish()
+        self._end_nodes()
 
     def _end_nodes(self) -> None:
         for node in self._nodes.values():

@@ -13,9 +13,9 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
-from slambed.data.places import no_cache
+from slambed.data.places import making
 from slambed.errors import SlambedError, environment_error
-from slambed.files.atomic import lock_file, replacing
+from slambed.files.atomic import replacing
 from slambed.native import cache_folder
 from slambed.spec.runtime import PythonPackages
 
@@ -97,14 +97,8 @@ def make_environment(
     found = find_environment(python, system)
     if found.lock:
         return found
-    place = found.folder.parent
-    try:
-        place.mkdir(parents=True, exist_ok=True)
-        guard = (place / f".{found.folder.name}.lock").open("w")
-    except OSError as refused:
-        raise no_cache(place, refused) from refused
-    with guard:
-        lock_file(guard, f"installs the Python packages of {system.name}", notify)
+    what = f"installs the Python packages of {system.name}"
+    with making(found.folder.parent, found.folder.name, what, notify):
         found = find_environment(python, system)
         if not found.lock:
             notify(

@@ -24,7 +24,7 @@ from slambed.engines.child_end import end_of
 from slambed.engines.cpu_watch import IDLE_LIMIT_S, CpuWatch
 from slambed.engines.faults import write_planned
 from slambed.engines.result import InterruptedRunError, Outcome, RunResult, run_config, time_limit_s
-from slambed.engines.written_bytes import WrittenBytes
+from slambed.engines.written_bytes import TooManyBytesError, WrittenBytes
 from slambed.errors import ExitCode, KilledError, SlambedError, environment_error
 from slambed.link.direction import ModeledLink
 from slambed.link.facts import LinkFacts
@@ -141,11 +141,13 @@ class VirtualRun:
         self._write_files()
         cache = feature_file(self.features, self.spec) if self.features else None
         written = WrittenBytes(self.run_dir, self.spec.max_run_mb)
-        with _made_once(cache):
-            code = self._run(stop, written)
-        if (too_many := written.reason()) is not None:
+        try:
+            with _made_once(cache):
+                code = self._run(stop, written)
+            written.look()
+        except TooManyBytesError as error:
             written.cut()
-            return self._result("died", too_many)
+            return self._result("died", str(error))
         if code is not None and ended_from_outside(code):
             # We never kill it for a limit, so this is not the system's fault.
             raise KilledError(
@@ -181,7 +183,7 @@ class VirtualRun:
         write_planned(self.spec.faults, self.played_s, self.run_dir)
 
     def _run(self, stop: threading.Event, written: WrittenBytes) -> int | None:
-        """Returns the exit code; None if it exceeded its CPU time or wrote too much."""
+        """Returns the exit code; None if it exceeded its CPU time."""
         with (self.run_dir / "log.txt").open("wb") as log:
             process = subprocess.Popen(
                 [str(self.program), "--config", "sim.json"],
@@ -199,8 +201,9 @@ class VirtualRun:
                 while (code := wait(WATCH_PERIOD_S)) is None:
                     if stop.is_set():
                         raise InterruptedRunError
-                    if watch.spent() or written.too_many() is not None:
+                    if watch.spent():
                         return None
+                    written.watch()
             return code
         finally:
             if process.poll() is None:

@@ -22,6 +22,10 @@ KEPT_BYTES = 16 * MB
 """What is kept of a file of a run that was ended: its beginning."""
 
 
+class TooManyBytesError(Exception):
+    """The run wrote more than it may and must end; the message is the reason."""
+
+
 class WrittenBytes:
     """Counts what a run has written into its folder."""
 
@@ -36,25 +40,23 @@ class WrittenBytes:
         """Bytes that the run may write."""
         return self._limit_mb * MB
 
-    def too_many(self) -> str | None:
-        """Returns why the run must end; None while it may go on. Looks at most every
-        LOOK_EVERY_S."""
+    def watch(self) -> None:
+        """Raises TooManyBytesError if the run must end. Looks at most every LOOK_EVERY_S."""
         began_s = time.monotonic()
         if began_s < self._next_s:
-            return None
-        reason = self.reason()
+            return
+        self.look()
         took_s = time.monotonic() - began_s
         self._next_s = began_s + max(LOOK_EVERY_S, took_s / LARGEST_SHARE)
-        return reason
 
-    def reason(self) -> str | None:
-        """Like `too_many`, but looks now."""
+    def look(self) -> None:
+        """Like `watch`, but looks now."""
         sizes = dict(_files(self._folder))
         if sum(sizes.values()) < self.limit_bytes:
-            return None
+            return
         self._struck = True
         largest = max(sizes, key=lambda path: sizes[path])
-        return (
+        raise TooManyBytesError(
             f"it wrote more than {self._limit_mb} MB (max_run_mb of the experiment): "
             f"{len(sizes)} files, the largest is {largest.relative_to(self._folder)} with "
             f"{sizes[largest] / MB:.0f} MB"

@@ -357,7 +357,7 @@ def _typed(summary: Summary, known: tuple[Metric, ...]) -> tuple[Row, list[str]]
 
 def _in_order(runs: pd.DataFrame, spec: dict[str, Any]) -> pd.DataFrame:
     """Sorts runs by dataset, profile and label in the order of the experiment file, then by
-    repetition, so that compared runs are adjacent."""
+    engine and repetition, so that compared runs are adjacent."""
     if not len(runs):
         return runs
     keys = pd.DataFrame(
@@ -366,6 +366,7 @@ def _in_order(runs: pd.DataFrame, spec: dict[str, Any]) -> pd.DataFrame:
             "profile": runs["profile"].map(_rank(_profile_names(spec))),
             "label": runs["label"].map(_rank(_names(spec.get("systems"), "label", "system"))),
             "cell": runs["cell"],
+            "engine": runs["engine"],
             "repetition": runs["repetition"],
         }
     )

@@ -5,10 +5,8 @@ import csv
 import io
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Literal
 
-from rich.table import Table as RichTable
-from rich.text import Text
+from rich.console import RenderableType
 
 from slambed.errors import SlambedError
 from slambed.files.outputs import writing
@@ -16,6 +14,7 @@ from slambed.metrics.metric import Metric
 from slambed.metrics.statistics import Interval
 from slambed.report.cells import Cell
 from slambed.report.load import Results
+from slambed.report.terminal_table import TerminalTable
 from slambed.spec.board import NETWORK
 from slambed.spec.device import VIRTUAL
 
@@ -66,15 +65,9 @@ class Table:
             ]
         )
 
-    def rich(self) -> RichTable:
-        table = RichTable(title=self.caption, title_justify="left", box=None, pad_edge=False)
-        for index, heading in enumerate(self.headings):
-            justify: Literal["left", "right"] = "left" if index < self.words else "right"
-            # Names of cells wrap, because a truncated part may distinguish two of them.
-            table.add_column(Text(heading), justify=justify, overflow="fold")
-        for row in self.rows:
-            table.add_row(*map(Text, row))
-        return table
+    def rich(self) -> RenderableType:
+        """Returns the table for a terminal of any width."""
+        return TerminalTable(self)
 
 
 def check_format(path: Path) -> None:

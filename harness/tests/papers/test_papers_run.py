@@ -5,15 +5,16 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
-from command_line import refused
+from command_line import refused, slambed
 from test_compare import PAPER_CONVENTIONAL, PAPER_ENHANCED, table_2
 
 from slambed.campaign.options import Options
-from slambed.campaign.overall import Outlook
+from slambed.campaign.overall import Outlook, Overall
 from slambed.campaign.runner import CampaignOutcome
 from slambed.commands import papers_run
 from slambed.commands.papers_run import Played, play, raise_unless_done
 from slambed.errors import ExitCode, SlambedError
+from slambed.failures import INTERRUPTED
 from slambed.papers.decides import Decides, decided_words, decides, in_order
 from slambed.papers.published import Paper, read_papers
 from slambed.papers.published.paper_plan import read_plan
@@ -142,3 +143,23 @@ def test_mistakes_in_options_are_found_first(tmp_path: Path) -> None:
     own = ["papers", "run", "dynnetslam", "--results", str(tmp_path)]
     assert "write 2h, 90min" in refused(ExitCode.BAD_INPUT, *own, "--budget", "soon")
     assert "--part 4/3 is no part" in refused(ExitCode.BAD_INPUT, *own, "--part", "4/3")
+    moby = refused(ExitCode.BAD_INPUT, *own, "--engine", "moby")
+    assert "unknown engine 'moby'; known: auto, docker, local, virtual" in moby
+    both = ("--scheduler", "tcp://lab:8786", "--slurm")
+    assert "one of --scheduler ADDRESS, --slurm" in refused(ExitCode.BAD_INPUT, *own, *both)
+
+
+def test_an_interrupted_campaign_says_what_is_left_and_how_to_go_on(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    overall = Overall({"one": Outlook(3, 2, 60.0)}, 1, None)
+    monkeypatch.setattr(
+        papers_run, "play", lambda *given: Played([], {}, overall, interrupted=True)
+    )
+    own = ["papers", "run", "dynnetslam", "--results", str(tmp_path / "results")]
+    code, _, said = slambed(*own)
+    assert code == INTERRUPTED
+    assert said == (
+        f"interrupted; finished runs are kept, 2 runs are left, about 2 min 00 s; "
+        f"go on with: slambed {' '.join(own)}\n"
+    )
