@@ -7,7 +7,7 @@ A page is played in an empty folder, from top to bottom, as its reader would do 
 - A block with a title is a file: ```yaml title="hall.yaml" writes hall.yaml.
 - A ```console block holds commands behind `$ `, each followed by what it prints.
 - `<!-- made: FILE -->` above a picture names a file that a command has left in the folder; * is
-  any text. The picture in docs/ is a copy of it.
+  any text. The picture in docs/ is a copy of it, or shows its top as Chromium does if it is a page.
 
 What a command prints must be what stands there, but for
 
@@ -26,6 +26,7 @@ the page after that: its sentences may quote the old numbers.
 
 import os
 import re
+import shutil
 import subprocess
 import sys
 import tempfile
@@ -45,7 +46,15 @@ COLUMNS = 160
 """Of the terminal: no table is folded."""
 WIDEST_PX = 1000
 """Of a picture in docs/."""
-SETTINGS = {".png": [cv2.IMWRITE_PNG_COMPRESSION, 9], ".jpg": [cv2.IMWRITE_JPEG_QUALITY, 80]}
+SETTINGS = {
+    ".png": [cv2.IMWRITE_PNG_COMPRESSION, 9],
+    ".jpg": [cv2.IMWRITE_JPEG_QUALITY, 80],
+    ".webp": [cv2.IMWRITE_WEBP_QUALITY, 50],
+}
+BROWSERS = ("chromium", "chromium-browser", "google-chrome")
+WINDOW_PX = (1200, 840)
+SETTLED_MS = 3000
+"""Of the page's own clock, until its scripts have drawn."""
 LONGEST_S = 600
 """Of one command."""
 FENCE = re.compile(r"^```(?P<kind>\w*)(?: title=\"(?P<title>[^\"]+)\")?\s*$")
@@ -196,11 +205,11 @@ class Player:
                 command.printed = command.printed.replace(inside, outside)
 
     def made(self, pattern: str) -> Path:
-        """The one file of that name."""
+        """The picture that the one file of that name is or, if it is a page, looks like."""
         found = sorted(self.folder.glob(pattern))
         if len(found) != 1:
             raise ValueError(f"{pattern} is {len(found)} files")
-        return found[0]
+        return photograph(found[0]) if found[0].suffix == ".html" else found[0]
 
 
 def programs(place: Path) -> Path:
@@ -215,6 +224,27 @@ def programs(place: Path) -> Path:
     for path in folder.iterdir():
         path.chmod(0o755)
     return folder
+
+
+def browser() -> str | None:
+    """The first Chromium of this machine."""
+    return next((found for name in BROWSERS if (found := shutil.which(name))), None)
+
+
+def photograph(page: Path) -> Path:
+    """The top of a page, as a picture beside it. Raises ValueError where there is no Chromium."""
+    program, target = browser(), page.with_suffix(".top.png")
+    if program is None:
+        raise ValueError(f"a picture of {page.name} needs one of: {', '.join(BROWSERS)}")
+    command = [
+        program, "--headless", "--disable-gpu", "--hide-scrollbars",
+        f"--window-size={WINDOW_PX[0]},{WINDOW_PX[1]}",
+        f"--virtual-time-budget={SETTLED_MS}", f"--screenshot={target}",
+        # Chromium's sandbox does not support root.
+        *(["--no-sandbox"] if os.geteuid() == 0 else []), page.resolve().as_uri(),
+    ]  # fmt: skip
+    subprocess.run(command, check=True, capture_output=True, timeout=LONGEST_S)
+    return target
 
 
 def pictures(page: Path) -> list[tuple[str, Path]]:

@@ -1,10 +1,12 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Generates the tables of docs/ from commands, schemas, records, metrics, CMake and imports, and
-the C++ parameter header of each system from its system.yaml.
+"""Generates the tables of docs/ from commands, schemas, records and metrics, its pictures of
+dependencies from CMake and imports, and the C++ parameter header of each system from its
+system.yaml.
 
 python -m slambed.document
 
-In docs/ each table lies between two comments; a test fails when a table or header is out of date.
+In docs/ each table lies between two comments; a test fails when a table, picture or header is out
+of date.
 """
 
 import re
@@ -16,6 +18,7 @@ from slambed.files.yaml_source import load_yaml
 from slambed.metrics.catalog import METRICS
 from slambed.metrics.metric import Metric, Use
 from slambed.native import repository_root
+from slambed.schema.arc_diagram import arc_diagram
 from slambed.schema.key_tables import curve_table, key_tables
 from slambed.schema.markdown import markdown_table, prose
 from slambed.schema.record_tables import RECORDS, record_table
@@ -25,7 +28,6 @@ from slambed.spec.parameter_header import HEADER, parameter_header
 
 COMMAND = "python -m slambed.document"
 TABLES = {
-    "explanation/architecture.md": ("libraries", "packages"),
     "reference/metrics.md": ("gate",),
     "reference/command-line.md": ("verbs",),
     "reference/dataset.md": ("keys dataset", "datasets"),
@@ -80,8 +82,6 @@ def table(name: str) -> str:
         "summary": _summary,
         "own": _own,
         "gate": _gate,
-        "libraries": _libraries,
-        "packages": _packages,
     }[name]()
 
 
@@ -128,40 +128,30 @@ def _own() -> str:
 
 
 def _libraries() -> str:
-    """Draws the C++ folders in their groups, with arrows to direct dependencies that no other path
-    implies."""
+    """Draws the C++ folders in their groups, with arcs to those that they link."""
     root = repository_root() / "systems"
     libraries, programs = libraries_of(repository_root()), programs_of(repository_root())
-    used: dict[Path, set[Path]] = {}
-    labels: dict[Path, str] = {}
-    for name, target in (*libraries.items(), *programs.items()):
-        found = {libraries[item].folder for item in target.depends}
-        used[target.folder] = used.get(target.folder, set()) | (found - {target.folder})
-        parts = target.folder.relative_to(root).parts
-        path = "/".join(parts[1:] if parts[0] in UNNAMED else parts)
-        labels[target.folder] = name if name in programs else path
-    groups: dict[str, list[Path]] = {"apps": [], "systems": [], "synth": [], "core": []}
-    for folder in used:
-        first = folder.relative_to(root).parts[0]
-        groups[first if first in groups else "systems"].append(folder)
-    ids = {
-        folder: "_".join(part for part in folder.relative_to(root).parts if part != "core")
-        for folder in used
+    used: dict[str, set[str]] = {}
+    labels: dict[str, str] = {}
+    groups: dict[str, list[str]] = {
+        f"systems/{name}": [] for name in ("apps", "*", "synth", "core")
     }
-    lines = ["```mermaid", "flowchart TD"]
-    for group, folders in groups.items():
-        name = "*" if group == "systems" else group
-        nodes = [
-            f"    {ids[f]}" + (f"[{labels[f]}]" if labels[f] != ids[f] else "") for f in folders
-        ]
-        lines += [f"  subgraph {group}_group[systems/{name}]", *nodes, "  end"]
-    lines += _arrows({ids[a]: {ids[b] for b in found} for a, found in used.items()})
-    lines += [f"  {ids[libraries[EVERY_SYSTEM].folder]} --> systems_group", "```", ""]
-    return "\n".join(lines)
+    for name, target in (*libraries.items(), *programs.items()):
+        folder = target.folder.relative_to(root)
+        key = folder.as_posix()
+        found = {libraries[item].folder.relative_to(root).as_posix() for item in target.depends}
+        if key not in used:
+            group = f"systems/{folder.parts[0]}"
+            groups[group if group in groups else "systems/*"].append(key)
+        used[key] = used.get(key, set()) | (found - {key})
+        path = "/".join(folder.parts[1:] if folder.parts[0] in UNNAMED else folder.parts)
+        labels[key] = name if name in programs else path
+    used[libraries[EVERY_SYSTEM].folder.relative_to(root).as_posix()].add("systems/*")
+    return arc_diagram("Which folder of systems/ uses which", groups, used, labels)
 
 
 def _packages() -> str:
-    """Draws the packages of harness/slambed, with arrows to imports that no other path implies."""
+    """Draws the packages of harness/slambed, with arcs to those that they import."""
     from grimp import build_graph  # Comes with import-linter (development only).
 
     graph = build_graph("slambed", cache_dir=None)
@@ -174,23 +164,9 @@ def _packages() -> str:
         }
         for a in names
     }
-    short = {name: name.rpartition(".")[2] for name in names}
-    arrows = _arrows({short[a]: {short[b] for b in found} for a, found in used.items()})
-    return "\n".join(["```mermaid", "flowchart TD", *arrows, "```", ""])
-
-
-def _arrows(used: dict[str, set[str]]) -> list[str]:
-    """Returns mermaid lines of the transitive reduction of the graph."""
-
-    def reached(name: str) -> set[str]:
-        return {name}.union(*(reached(item) for item in used[name]))
-
-    return [
-        f"  {name} --> {item}"
-        for name in sorted(used)
-        for item in sorted(used[name])
-        if not any(item in reached(other) for other in used[name] - {item})
-    ]
+    labels = {name: name.rpartition(".")[2] for name in names}
+    title = "Which package of harness/slambed uses which"
+    return arc_diagram(title, {"": sorted(names)}, used, labels)
 
 
 def _gate() -> str:
@@ -239,11 +215,18 @@ def headers() -> dict[Path, str]:
     }
 
 
+def pictures() -> dict[str, str]:
+    """Maps the name of each generated picture of docs/pictures to its SVG."""
+    return {"libraries.svg": _libraries(), "packages.svg": _packages()}
+
+
 def main() -> None:
-    """Renews every page and header."""
+    """Renews every page, picture and header."""
     for path, text in headers().items():
         path.write_text(text, encoding="utf-8")
     docs: Path = repository_root() / "docs"
+    for name, text in pictures().items():
+        (docs / "pictures" / name).write_text(text, encoding="utf-8")
     for page, names in TABLES.items():
         path = docs / page
         path.write_text(renewed(path.read_text(encoding="utf-8"), names), encoding="utf-8")

@@ -57,6 +57,11 @@ def test_the_tables_of_the_docs_are_those_of_the_list(page: str, names: tuple[st
         document.renewed("", names)
 
 
+def test_the_pictures_of_the_docs_are_those_of_the_sources() -> None:
+    for name, text in document.pictures().items():
+        assert (DOCS / "pictures" / name).read_text() == text, f"run: {document.COMMAND}"
+
+
 def test_summary_of_a_run(raw: Path) -> None:
     found = summarize_run(raw, EDGE_SPEC)
     assert found["outcome"] == "completed"

@@ -134,6 +134,7 @@ def test_readme_links_to_what_is_there() -> None:
     for name in ("README.md", "CHANGELOG.md"):
         text = (root / name).read_text(encoding="utf-8")
         targets = re.findall(r"\]\(([^)\s#]+)[^)]*\)", text)
+        targets += re.findall(r"(?:href|src)=\"([^\"#]+)", text)
         missing = [t for t in targets if ":" not in t and not (root / t).exists()]
         assert not missing, f"{name} links to {missing}"
 
