@@ -66,6 +66,21 @@ def _per_keyframe(component: Component, log: EventLog) -> tuple[int, list[float]
     return len(found), found
 
 
+def _per_mapped_keyframe(component: Component, log: EventLog) -> tuple[int, list[float]]:
+    """Returns the time of the stages for each keyframe that was mapped, over all workers."""
+    spent = 0.0
+    found: list[float] = []
+    for event in log.of("stage", "keyframe_mapped"):
+        if event["node"] != component.node:
+            continue
+        if event["type"] == "keyframe_mapped":
+            found.append(spent)
+            spent = 0.0
+        elif event["name"] in component.stages:
+            spent += event["wall_ms"]
+    return len(found), found
+
+
 def _per_update(component: Component, log: EventLog) -> tuple[int, list[float]]:
     """Returns the time of the stages for each applied update, over all workers. Maps requested by a
     lost frame are left out: costs affect how many there are, and a fit that counted them oscillated
@@ -122,6 +137,7 @@ EXECUTED_FOR: Mapping[str, tuple[str, ...]] = {
 MEASURES: Mapping[str, Callable[[Component, EventLog], tuple[int, list[float]]]] = {
     "per_frame": _per_frame,
     "per_keyframe": _per_keyframe,
+    "per_mapped_keyframe": _per_mapped_keyframe,
     "per_update": _per_update,
     "per_attempt": _per_attempt,
     "per_answer": _per_answer,

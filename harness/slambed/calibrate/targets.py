@@ -43,8 +43,9 @@ class Component(BaseModel):
     """Stages that are scaled; if empty, the time follows from the others and is only shown."""
     measure: str = "per_frame"
     """A part of T_Total (`T_LM`, ...); or the time of the stages on `node` in a tracked frame
-    (`per_frame`), in a frame that becomes a keyframe (`per_keyframe`) or for an applied map update
-    that no lost frame requested (`per_update`); or the time of each execution of the stages that
+    (`per_frame`), in a frame that becomes a keyframe (`per_keyframe`), for a keyframe that was
+    mapped (`per_mapped_keyframe`) or for an applied map update that no lost frame requested
+    (`per_update`); or the time of each execution of the stages that
     reached a pose (`per_attempt`); or the time from capture until the edge's pose of the frame
     arrives (`per_answer`)."""
     along: list[str] = Field(default_factory=list)

@@ -10,7 +10,7 @@ from slambed.errors import SlambedError
 from slambed.files.yaml_source import YamlSource, load_yaml, parse
 from slambed.infer.keys import split_key
 from slambed.papers.published import Paper, paper_files, papers_folder, read_paper, read_papers
-from slambed.papers.published.contrasts import expanded
+from slambed.papers.published.braces import expanded
 from slambed.spec.experiment import NAME
 from slambed.spec.system import Scalar
 from slambed.suggestion import suggestion

@@ -70,6 +70,12 @@ def published_of(cell: PublishedCell, is_share: bool) -> Share | Mean | None:
     return Share(round(bad), cell.runs)
 
 
+def ratio_of(paper: Paper, metric: str) -> float:
+    """Returns the written margin of a metric as a ratio, or the usual one."""
+    written = paper.margins.get(metric)
+    return UNWRITTEN if written is None or written.ratio is None else written.ratio
+
+
 def margin_of_cell(
     paper: Paper, cells: dict[str, PublishedCell], cell: PublishedCell, firm: list[Contrast]
 ) -> CellMargin:

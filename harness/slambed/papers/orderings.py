@@ -11,7 +11,7 @@ import numpy as np
 from slambed.metrics.comparison import holm
 from slambed.papers.judged import Judge
 from slambed.papers.lookup import Missing
-from slambed.papers.margins import published_of
+from slambed.papers.margins import published_of, ratio_of
 from slambed.papers.measured import Measured
 from slambed.papers.published import Contrast, Provenance, PublishedCell
 from slambed.papers.verdicts.contrasts import (
@@ -22,6 +22,7 @@ from slambed.papers.verdicts.contrasts import (
     judge_contrast,
     paper_shows,
 )
+from slambed.papers.verdicts.flat import judge_flat
 from slambed.papers.verdicts.model import LEVEL, Floats, Mean, OrderOutcome
 from slambed.papers.verdicts.trends import page
 
@@ -38,6 +39,8 @@ KINDS: dict[OrderKind, str] = {
     "no_number": "no number of ours", "half_run": "not all run", "not_run": "not run",
 }  # fmt: skip
 """Words for an ordering's outcome on the page, the terminal and in tables."""
+CHAINS = {"blocks": ("sequence", "sequences"), "flat": ("curve", "curves")}
+"""Kind of a contrast -> what its chains are called, where they are no pairs."""
 PARTLY: dict[OrderKind, str] = {"not_seen": "not seen in full", "reversed": "reversed in part"}
 """Words for an ordering with several pairs, some of which hold."""
 
@@ -111,7 +114,12 @@ class JudgedOrdering:
         if not parts:
             return ""
         other = f", {parts['reversed']} reversed" if parts["reversed"] else ""
-        return f"{parts['holds']} of {len(self.chains)} pairs hold{other}"
+        return f"{parts['holds']} of {len(self.chains)} {self.chain_words[1]} hold{other}"
+
+    @property
+    def chain_words(self) -> tuple[str, str]:
+        """Returns what its chains are called: one, several."""
+        return CHAINS.get(self.contrast.kind, ("pair", "pairs"))
 
     @property
     def others(self) -> list[PairLine]:
@@ -151,10 +159,9 @@ class JudgedOrdering:
         which = "first" if decides is None else "weakest"
         if decides is not None and self.ordering.outcome == "reversed":
             which = "clearest"
-        what = "sequences" if self.contrast.kind == "blocks" else "pairs"
         place = f", {where}" if (where := self._where(chain)) else ""
         many = len(self.chains) > 1
-        more = f" ({which} of {len(self.chains)} {what}{place})" if many else ""
+        more = f" ({which} of {len(self.chains)} {self.chain_words[1]}{place})" if many else ""
         return f"{reported} {unit}{more}"
 
     def _ends(self, chain: Chain, ours: bool) -> tuple[str, str]:
@@ -378,6 +385,9 @@ class OrderingCase:
                 self.table(ours=True), self.table(ours=False), p_paper, *self._spreads()
             )
         steps = self.steps()
+        if self.contrast.kind == "flat":
+            metric = self.chains[0][0][0].metric
+            return judge_flat(steps, ratio_of(self.judge.paper, metric))
         if p_paper is None:
             return judge_contrast(steps, float("nan"))
         return judge_contrast(steps, p_paper, self._assumed())

@@ -54,6 +54,8 @@ class ClaimLine:
     """`8 of 9 pairs hold`; empty for a single pair."""
     others: list[PairLine]
     """The pairs besides the shown one, failing ones first."""
+    chain_words: tuple[str, str]
+    """What the pairs are called: one, several."""
 
     @property
     def failing(self) -> list[PairLine]:
@@ -64,7 +66,8 @@ class ClaimLine:
     def other_pairs(self) -> str:
         """Returns the heading of the fold-out list of other pairs."""
         many, failing = len(self.others), len(self.failing)
-        what = "the other pair" if many == 1 else f"the other {many} pairs"
+        one, several = self.chain_words
+        what = f"the other {one}" if many == 1 else f"the other {many} {several}"
         if not failing:
             return what
         if failing == many:
@@ -176,6 +179,7 @@ def _claim(engine: str, item: JudgedOrdering) -> ClaimLine:
         chance,
         item.holding,
         item.others,
+        item.chain_words,
     )
 
 

@@ -19,6 +19,7 @@ from slambed.papers.compare import (
     pair_table,
 )
 from slambed.papers.environment import environment
+from slambed.papers.figures import drawn_figures
 from slambed.papers.judged import MARKS, Judged
 from slambed.papers.lookup import Pool, pool_of
 from slambed.papers.paper_claims import claim_groups, claims_per_engine, definitions, text_lines
@@ -143,6 +144,7 @@ def _content(verdicts: PaperVerdicts, experiments: list[Results], target: Path) 
                 "bars": bars(verdicts, c),
                 "score": c.score,
                 "strip": strip_svg(list(c.rows.values()), "#v-"),
+                "figures": drawn_figures(verdicts, c, experiments),
                 "why_not": why_not(verdicts, c),
                 "histogram": histogram_svg(c.score.histogram),
                 "links": [(name, links[name]) for name in made.experiments],

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Judges statements about several cells: reductions, increases, gaps, ratios, differences, maxima,
-one number for each, time windows."""
+"""Judges statements about several cells or events: reductions, increases, gaps, ratios,
+differences, maxima, one number for each, time windows, times."""
 
 from dataclasses import replace
 from typing import Literal
@@ -16,6 +16,7 @@ from slambed.papers.published import (
     At,
     Difference,
     Each,
+    EventTimes,
     Gap,
     Increase,
     MaxOver,
@@ -27,7 +28,15 @@ from slambed.papers.published import (
     WindowShare,
 )
 from slambed.papers.verdicts.means import Effect, judge_effect, judge_mean
-from slambed.papers.verdicts.model import FEWEST_RUNS, Outcome, Share, Verdict, not_run, too_few
+from slambed.papers.verdicts.model import (
+    FEWEST_RUNS,
+    Mean,
+    Outcome,
+    Share,
+    Verdict,
+    not_run,
+    too_few,
+)
 from slambed.papers.verdicts.shares import judge_share
 from slambed.papers.verdicts.statements import (
     ABOUT_MARGIN,
@@ -38,7 +47,9 @@ from slambed.papers.verdicts.statements import (
     judge_difference,
     judge_difference_bound,
     judge_gap,
+    judge_ratio,
     judge_reduction,
+    judge_set,
     judge_up_to,
     judge_up_to_more,
     judge_window,
@@ -62,6 +73,8 @@ def judge_quantity(
     about = pool.about(paper, cell.source)
     if isinstance(quantity, WindowShare):
         return _window(paper, about, cells, cell, quantity)
+    if isinstance(quantity, EventTimes):
+        return _times(paper, about, cells, cell, quantity)
     if isinstance(quantity, MaxOver):
         return _up_to(paper, about, cells, cell, quantity)
     if isinstance(quantity, Each):
@@ -80,6 +93,12 @@ def _measured(
         return measure(paper, pool, operand.metric, operand.system, dict(operand.conditions))
     place = cells[operand]
     return measure(paper, pool, place.metric, place.system, place.conditions)
+
+
+def _dataset(cells: dict[str, PublishedCell], operand: Operand) -> object:
+    """Returns the paper's sequence of an operand."""
+    at = operand if isinstance(operand, At) else cells[operand]
+    return at.conditions.get("dataset")
 
 
 def _pair(of: Measured, base: Measured) -> Pair:
@@ -103,7 +122,8 @@ def _two(
         if not side.there:
             return not_run(side.found.reason), side
     of = replace(of, found=replace(of.found, stand_in=of.found.stand_in or base.found.stand_in))
-    if of.found.stand_in and of.found.dataset != base.found.dataset:
+    compares_sequences = _dataset(cells, quantity.of) != _dataset(cells, quantity.base)
+    if of.found.stand_in and of.found.dataset != base.found.dataset and not compares_sequences:
         return Verdict("inconclusive", "its two sides are on different sequences"), of
     claim = cell.claim
     assert claim is not None and cell.value is not None
@@ -130,7 +150,9 @@ def _two(
     if claim.op == "about":
         about = paper.margins.get("about")
         margin = max(margin, about.ratio if about is not None and about.ratio else 0.0)
-    return judge_reduction(pair, stated, small, margin), _of_two(quantity, of, base)
+    if isinstance(quantity, Reduction):
+        return judge_reduction(pair, stated, small, margin), _of_two(quantity, of, base)
+    return judge_ratio(pair, cell.value, small, margin), _of_two(quantity, of, base)
 
 
 def _difference(pair: Pair, cell: PublishedCell, scale: float) -> Verdict:
@@ -338,3 +360,37 @@ def _window(
         lost = Share(sum(inside), sum(map(len, times)))
         return judge_bound(lost, BOUND_OPS[claim.op], cell.value / 100), of
     return judge_window(sum(inside), sum(map(len, times)), share), of
+
+
+def _times(
+    paper: Paper,
+    pool: Pool,
+    cells: dict[str, PublishedCell],
+    cell: PublishedCell,
+    quantity: EventTimes,
+) -> tuple[Verdict, Measured]:
+    """Judges the run times of events against the stated ones, the first against the first. It
+    differs if no run has as many events as the paper states times."""
+    of = _measured(paper, pool, cells, quantity.of)
+    if not of.there:
+        return not_run(of.found.reason), of
+    logs = [pool.results[folder].events(key, (quantity.event,)) for folder, key in of.keys]
+    times = [[e["t_ns"] * 1e-9 for e in log.of(quantity.event)] for log in logs if log is not None]
+    if not times:
+        return not_run("the events were not kept"), replace(of, values=np.zeros(0))
+    claim = cell.claim
+    assert claim is not None and isinstance(claim.value, list)
+    stated = [Mean(float(value)) for value in claim.value]
+    whole = [run for run in times if len(run) == len(stated)]
+    firsts = replace(of, values=np.array([run[0] for run in times if run]), is_share=False)
+    counts = f"{len(whole)} of {len(times)} runs have {len(stated)} of {quantity.event}"
+    if not whole:
+        few = len(times) < FEWEST_RUNS
+        return Verdict("inconclusive" if few else "differs", counts), firsts
+    ours = [Mean.of([run[place] for run in whole]) for place in range(len(stated))]
+    margin = margin_of_cell(paper, cells, cell, [])
+    verdict = judge_set(ours, stated, margin.value)
+    if len(whole) < len(times) and verdict.outcome == "reproduced":
+        verdict = replace(verdict, outcome="inconclusive")
+    found = " and ".join(f"{mean.value:.0f}" for mean in ours)
+    return replace(verdict, why=f"ours at {found} s; {counts}; {verdict.why}"), firsts

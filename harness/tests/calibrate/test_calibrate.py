@@ -157,6 +157,27 @@ def test_an_attempt_counts_when_it_got_as_far_as_a_pose() -> None:
         assert look(component, [log]).mean == mean
 
 
+def test_a_mapped_keyframe_takes_what_its_stages_took_on_every_worker() -> None:
+    log = updates(
+        {"type": "stage", "node": "mobile", "name": "insert", "wall_ms": 3.0, "cpu_ms": 3.0},
+        {"type": "stage", "node": "mobile", "name": "bundle", "wall_ms": 20.0, "cpu_ms": 20.0},
+        {"type": "stage", "node": "mobile", "name": "track", "wall_ms": 90.0, "cpu_ms": 90.0},
+        {"type": "keyframe_mapped", "node": "mobile"},
+        {"type": "stage", "node": "mobile", "name": "insert", "wall_ms": 5.0, "cpu_ms": 5.0},
+        {"type": "keyframe_mapped", "node": "mobile"},
+    )
+    component = Component(
+        name="mapping",
+        source="here",
+        node="mobile",
+        stages=["insert", "bundle"],
+        measure="per_mapped_keyframe",
+        mean_ms={"x": 1.0},
+    )
+    seen = look(component, [log])
+    assert (seen.mean, seen.busy) == (14.0, 14.0)
+
+
 def test_an_answer_takes_from_capture_until_its_pose_is_there() -> None:
     """It includes transport and waiting, but not other work of the edge."""
     log = updates(

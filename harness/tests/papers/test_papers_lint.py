@@ -214,6 +214,27 @@ MISTAKES: dict[str, tuple[str, Mistake, str]] = {
         lambda p: p["figures"][0].pop("unmappable"),
         "cloudslam.F2: nothing of it",
     ),
+    "a flat curve of two metrics": (
+        "cloudslam",
+        lambda p: contrast(p, "cloudslam.O17").update(
+            cells=["cloudslam.F15.rmse_circular.12", "cloudslam.F15.response_circular.12"]
+        ),
+        "cloudslam.O17: flat, of several metrics: response_time, rmse_vs_orbslam",
+    ),
+    "a flat curve of shares": (
+        "dynnetslam",
+        lambda p: contrast(p, "dynnet.O23").update(
+            kind="flat", direction=None, basis="text", cells=["dynnet.T2.enhanced.rtt{0,20}"]
+        ),
+        "dynnet.O23: flat needs a margin as a ratio, track_loss_ratio has none",
+    ),
+    "a drawing of a cell that there is not": (
+        "cloudslam",
+        lambda p: next(f for f in p["figures"] if f["id"] == "cloudslam.F12")["drawn"].update(
+            cells=["cloudslam.F11.periodic_rectangle_rate.4"]
+        ),
+        "cloudslam.F12: drawn: no cell, claim or point cloudslam.F11.periodic_rectangle_rate.4",
+    ),
     "an id given twice": (
         "dynnetslam",
         lambda p: claim(p, "dynnet.C33").update(id="dynnet.C34"),

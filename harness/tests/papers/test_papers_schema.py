@@ -17,6 +17,7 @@ from slambed.papers.published import (
     read_papers,
     table_cells,
 )
+from slambed.papers.published.published_tables import Drawn
 
 
 @pytest.fixture(scope="module")
@@ -84,6 +85,12 @@ def contrast(**more: Any) -> dict[str, Any]:
         (Contrast, contrast(cells=["a", "a"])),
         (Contrast, contrast(kind="blocks", cells=[["a", "b"], ["c"]])),
         (Contrast, contrast(kind="all_below", cells=[["a", "b"]], direction="falls")),
+        (Contrast, contrast(kind="flat", basis="text")),
+        (Contrast, contrast(kind="flat", direction=None)),
+        (Contrast, contrast(kind="flat", basis="text", direction=None, cells=["a"])),
+        (Contrast, contrast(direction=None)),
+        (Drawn, {"kind": "distribution", "event": "x", "unit": "m", "cells": ["a"]}),
+        (Drawn, {"kind": "times", "event": "x", "unit": "s", "cells": ["a"], "field": "y"}),
         (Margin, {}),
         (Margin, {"ratio": 0.2, "points": 3}),
         (Margin, {"ratio": 0.2, "points_at_ends": 3}),
@@ -112,6 +119,10 @@ def test_braces_stand_for_several_cells() -> None:
         ["t.a.rtt0", "t.b.rtt0"], ["t.a.rtt20", "t.b.rtt20"],
         ["t.c.x", "t.e.x"], ["t.d.x", "t.e.x"],
     ]  # fmt: skip
+    curves = Contrast.model_validate(
+        contrast(kind="flat", basis="text", direction=None, cells=[["t.{a,b}.x"], ["t.c", "t.d"]])
+    )
+    assert curves.chains == [["t.a.x", "t.b.x"], ["t.c", "t.d"]]
     with pytest.raises(ValidationError, match="different numbers"):
         Contrast.model_validate(contrast(kind="all_below", cells=[["t.{a,b}", "t.{a,b,c}"]]))
 

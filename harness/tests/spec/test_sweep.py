@@ -63,7 +63,7 @@ def test_a_grid_has_the_keys_of_cells_written_by_hand(tmp_path: Path) -> None:
 
 
 WRITTEN_OUT = {
-    "c_f11_tradeoff": (14, "61afd7c983f5e7d8"),
+    "c_f11_tradeoff": (13, "ac908095f0403f30"),
     "c_f18_adaptive": (5, "387dd300070e8efe"),
     "c_quick": (8, "e21f24cb735a96eb"),
     "c_x_window": (8, "88a7b6a9553236de"),

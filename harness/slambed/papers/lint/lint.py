@@ -17,6 +17,7 @@ from slambed.papers.lint.problem import Problem
 from slambed.papers.lint.resolve import unresolved
 from slambed.papers.published.cells import PublishedCell, cells_of, resolution_of, table_cells
 from slambed.papers.published.claims import Claim, Configured
+from slambed.papers.published.contrasts import Contrast
 from slambed.papers.published.paper import Paper
 from slambed.papers.published.paper_plan import read_plan
 from slambed.papers.published.quantities import At, Operand, Quantity, computed
@@ -84,6 +85,9 @@ class _Look:
             for name in figure.stated:
                 if name not in claims:
                     yield Problem(figure.id, f"stated: no claim {name}")
+            for name in figure.drawn.cells if figure.drawn else []:
+                if name not in self.cells:
+                    yield Problem(figure.id, f"drawn: no cell, claim or point {name}")
             if not figure.stated and not figure.series and not figure.unmappable:
                 yield Problem(figure.id, "nothing of it is stated or compared: unmappable: why?")
             for cell in self.cells.values():
@@ -126,11 +130,24 @@ class _Look:
                     yield Problem(contrast.id, f"cells: no cell, claim or point {name}")
                 elif cell.comparability.parameter:
                     yield Problem(contrast.id, f"cells: {name} is a setting, not a result")
+            yield from self._flat(contrast)
             for name in contrast.claims:
                 if name not in claims:
                     yield Problem(contrast.id, f"claims: no claim {name}")
                 elif claims[name].kind != "qualitative":
                     yield Problem(contrast.id, f"claims: {name} has a number of its own")
+
+    def _flat(self, contrast: Contrast) -> Iterator[Problem]:
+        """Yields a problem if cells that shall be equal have no ratio of one metric."""
+        if contrast.kind != "flat":
+            return
+        names = {self.cells[i].metric for i in contrast.ids() if i in self.cells}
+        if len(names) > 1:
+            yield Problem(contrast.id, f"flat, of several metrics: {', '.join(sorted(names))}")
+        for name in names & set(self.paper.metrics):
+            written = self.paper.margins.get(name)
+            if self.paper.metrics[name].statistic == "share" or not (written and written.ratio):
+                yield Problem(contrast.id, f"flat needs a margin as a ratio, {name} has none")
 
     def _mapped(self, cell: PublishedCell) -> Iterator[Problem]:
         for what in unresolved(self.paper, cell):

@@ -1,15 +1,15 @@
 # SPDX-License-Identifier: Apache-2.0
 """Declared orderings of a paper; only these are judged as orderings."""
 
-import re
 from typing import Any, Literal
 
 from pydantic import Field, field_validator, model_validator
 
 from slambed.papers.published.base import Strict
+from slambed.papers.published.braces import expanded
 from slambed.papers.published.quantities import Direction
 
-ContrastKind = Literal["pair", "trend", "all_below", "blocks"]
+ContrastKind = Literal["pair", "trend", "all_below", "blocks", "flat"]
 
 
 class Contrast(Strict):
@@ -17,7 +17,8 @@ class Contrast(Strict):
 
     pair: two cells. trend: three or more cells along one condition. all_below: in every chain the
     first cell is below the second; the statement holds only as a whole. blocks: chains of equal
-    length, one per block (for example a sequence), with the same order in each (Page's L).
+    length, one per block (for example a sequence), with the same order in each (Page's L). flat:
+    one chain or several, in each of which every two cells are equal within the metric's margin.
     """
 
     id: str
@@ -25,13 +26,14 @@ class Contrast(Strict):
     kind: ContrastKind
     """Shape of the ordering."""
     cells: list[str] | list[list[str]] = Field(min_length=1)
-    """Ids of cells, claims or points of figures: one chain, or (all_below, blocks) several.
+    """Ids of cells, claims or points of figures: one chain, or (all_below, blocks, flat) several.
 
     Braces expand to several ids. In a single chain they expand in place (`T2.x.rtt{0,20}` is two
-    cells). In a list of chains they expand to as many chains, in step if several cells have braces.
+    cells), and so they do in a chain of one text. In other lists of chains they expand to as many
+    chains, in step if several cells have braces.
     """
-    direction: Direction
-    """Direction of the value along each chain, in the given order."""
+    direction: Direction | None = None
+    """Direction of the value along each chain, in the given order; `flat` has none."""
     where: str
     """Place in the paper."""
     lines: list[int] = Field(default_factory=list)
@@ -78,8 +80,12 @@ class Contrast(Strict):
     def _shape(self) -> "Contrast":
         chains = self.chains
         lengths = {len(chain) for chain in chains}
-        if self._one != (self.kind in ("pair", "trend")):
+        if self.kind != "flat" and self._one != (self.kind in ("pair", "trend")):
             raise ValueError(f"{self.id}: {self.kind} has another shape of cells")
+        if (self.direction is None) != (self.kind == "flat"):
+            raise ValueError(f"{self.id}: every kind but flat has a direction")
+        if self.kind == "flat" and (min(lengths) < 2 or self.basis != "text"):
+            raise ValueError(f"{self.id}: flat is said of two or more cells, basis text")
         if self.kind in ("pair", "all_below") and lengths != {2}:
             raise ValueError(f"{self.id}: {self.kind} compares two cells at a time")
         if self.kind == "trend" and min(lengths) < 3:
@@ -93,17 +99,9 @@ class Contrast(Strict):
         return self
 
 
-def expanded(text: str) -> list[str]:
-    """Expands `a{b,c}d` to abd and acd; of several braces, the last one varies fastest."""
-    found = re.search(r"\{([^{}]*)\}", text)
-    if found is None:
-        return [text]
-    before, after = text[: found.start()], text[found.end() :]
-    parts = (part.strip() for part in found[1].split(","))
-    return [one for part in parts for one in expanded(before + part + after)]
-
-
 def _in_step(chain: list[str]) -> list[list[str]]:
+    if len(chain) == 1:
+        return [expanded(chain[0])]
     columns = [expanded(cell) for cell in chain]
     count = max(len(column) for column in columns)
     if any(len(column) not in (1, count) for column in columns):

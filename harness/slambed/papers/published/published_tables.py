@@ -3,9 +3,10 @@
 
 from typing import Any, Literal
 
-from pydantic import Field, model_validator
+from pydantic import Field, field_validator, model_validator
 
 from slambed.papers.published.base import Number, Strict
+from slambed.papers.published.braces import expanded
 from slambed.papers.published.comparability import Comparability
 
 Value = Number | bool | str | list[Number]
@@ -109,6 +110,36 @@ class Series(Strict):
         return self
 
 
+class Drawn(Strict):
+    """What the page draws from events of our runs, because the paper's figure shows single
+    events."""
+
+    kind: Literal["times", "distribution"]
+    """times: a row per cell with a mark for each event of its first run. distribution: a curve per
+    cell over all its runs, the share of events with at most this value."""
+    event: str
+    """Type of the event, as in events.jsonl."""
+    field: str = ""
+    """Field of the event with the value; of `distribution`."""
+    unit: str
+    """Unit of the horizontal axis."""
+    only: dict[str, bool | str] = Field(default_factory=dict)
+    """Field -> the value of the events that count."""
+    cells: list[str] = Field(min_length=1)
+    """Points of figures whose runs are drawn; braces stand for several, as in contrasts."""
+
+    @field_validator("cells")
+    @classmethod
+    def _braces(cls, cells: list[str]) -> list[str]:
+        return [one for cell in cells for one in expanded(cell)]
+
+    @model_validator(mode="after")
+    def _has_a_value(self) -> "Drawn":
+        if (self.kind == "distribution") != bool(self.field):
+            raise ValueError("a distribution needs the field with its value, times need none")
+        return self
+
+
 class PublishedFigure(Strict):
     """A data figure; no points were digitized."""
 
@@ -126,3 +157,5 @@ class PublishedFigure(Strict):
     """Name -> points of one of its curves."""
     unmappable: str | None = None
     """Why nothing of it is compared."""
+    drawn: Drawn | None = None
+    """What the page draws of our runs in its place."""

@@ -134,6 +134,22 @@ class WindowShare(Strict):
         return [self.of]
 
 
+class EventTimes(Strict):
+    """Run times at which something happens, in the claim's order: as many as the claim has
+    values."""
+
+    kind: Literal["event_times"]
+    """Names the quantity."""
+    of: Operand
+    """The cell whose runs are looked at."""
+    event: str
+    """Type of the event, as in events.jsonl."""
+
+    def operands(self) -> list[Operand]:
+        """Returns what it is computed from."""
+        return [self.of]
+
+
 class Trend(Strict):
     """A value that rises or falls along cells in the given order."""
 
@@ -152,12 +168,12 @@ class Trend(Strict):
 def computed(quantity: "Quantity", value_of: Callable[[Operand], float | None]) -> float | None:
     """Computes the number in percent (reduction, increase, gap), as a ratio, or in the metric's
     unit (difference). None if an operand has no value, and for quantities that are not a function
-    of values (each, windows, trends)."""
+    of values (each, windows, times, trends)."""
     if isinstance(quantity, MaxOver):
         parts = [computed(part, value_of) for part in quantity.over]
         known = [part for part in parts if part is not None]
         return max(known) if len(known) == len(parts) else None
-    if isinstance(quantity, Each | WindowShare | Trend):
+    if isinstance(quantity, Each | WindowShare | EventTimes | Trend):
         return None
     of, base = value_of(quantity.of), value_of(quantity.base)
     if of is None or base is None:
@@ -172,6 +188,15 @@ def computed(quantity: "Quantity", value_of: Callable[[Operand], float | None]) 
 
 
 Quantity = Annotated[
-    Reduction | Increase | Gap | Ratio | Difference | MaxOver | Each | WindowShare | Trend,
+    Reduction
+    | Increase
+    | Gap
+    | Ratio
+    | Difference
+    | MaxOver
+    | Each
+    | WindowShare
+    | EventTimes
+    | Trend,
     Field(discriminator="kind"),
 ]

@@ -35,7 +35,6 @@ from slambed.papers.verdicts.trends import (
     shares_rising,
 )
 
-ContrastKind = Literal["pair", "trend", "all_below", "blocks"]
 Ours = Share | Floats
 """Our data of one cell: runs with a loss, or the values of single runs."""
 Published = Share | Mean

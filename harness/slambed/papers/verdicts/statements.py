@@ -88,6 +88,17 @@ def judge_reduction(
     return replace(verdict, why=f"{message}; {verdict.why}")
 
 
+def judge_ratio(ours: Pair, stated: float, digit: float, margin: float) -> Verdict:
+    """Judges `twice as many` by the rule of reductions, in the words of a ratio."""
+    verdict = judge_reduction(ours, 1 - stated, digit, margin)
+    if verdict.effect != verdict.effect:
+        return verdict
+    left = ours.left()
+    low, high = (float(np.exp(v)) for v in left.interval(1 - LEVEL))
+    message = f"ours {np.exp(left.value):.2f} times [{low:.2f}, {high:.2f}], stated {stated:g}"
+    return replace(verdict, why=f"{message}; {verdict.why.partition('; ')[2]}")
+
+
 def reduction_shown(ours: Pair) -> bool:
     """Returns whether there is any reduction (one-sided, 5 %)."""
     left = ours.left()
