@@ -180,7 +180,7 @@ std::shared_ptr<const FeatureSet> SemanticMobile::before_tracking(
   features_ = features->size();
   worker.stage("match_features", [&](StageUnits& units) {
     units.n1 = features_;
-    transfer_.track(features);
+    transfer_.track(features, frame.played.seq_s());
     return 0;
   });
   if (record_culling_) log_features(frame, *features);
