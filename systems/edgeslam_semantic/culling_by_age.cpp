@@ -42,7 +42,7 @@ std::vector<CullingCounts> culling_by_age(const CullingSequence& sequence,
     const KeyFrameId id{first + 1};
     for (std::size_t age = 0; age < by_age.size() && first + age < frames.size(); ++age) {
       const LabeledFrame& frame = frames[first + age];
-      transfer.track(frame.features);
+      transfer.track(frame.features, static_cast<double>(first + age) / sequence.fps);
       if (age == 0) transfer.keep(id);
       if (age == static_cast<std::size_t>(options.late)) transfer.apply(id, sequence.masks(first));
       count(frame, transfer.free(), by_age[age]);

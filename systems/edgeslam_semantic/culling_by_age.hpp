@@ -28,6 +28,7 @@ struct CullingOptions {
 
 struct CullingSequence {
   std::uint64_t frames = 0;
+  double fps = 30;
   std::function<std::shared_ptr<const FeatureSet>(std::uint64_t frame)> features;
   std::function<FrameMasks(std::uint64_t frame)> masks, truth;
 };

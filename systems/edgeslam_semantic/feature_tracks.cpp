@@ -5,19 +5,21 @@
 
 namespace slambed::edgeslam_semantic {
 
-std::span<const FeatureTrackId> FeatureTracks::track(const FeatureSet& features) {
+std::span<const FeatureTrackId> FeatureTracks::track(const FeatureSet& features, double time_s) {
   ++frame_;
+  const float radius_px = options_.radius_px_per_s * static_cast<float>(time_s - time_s_);
+  time_s_ = time_s;
   struct Holder {
     int track = -1, distance = 257;
   };
   std::vector<Holder> holders(static_cast<std::size_t>(features.size()));
   for (std::size_t c = 0; c < tracks_.size(); ++c) {
     const Track& track = tracks_[c];
-    const auto steps = static_cast<float>(frame_ - track.seen);
+    const auto since_s = static_cast<float>(time_s - track.seen_s);
     Matcher::Query query;
-    query.at.u = track.u + steps * track.du;
-    query.at.v = track.v + steps * track.dv;
-    query.radius_px = options_.radius_px;
+    query.at.u = track.u + since_s * track.du;
+    query.at.v = track.v + since_s * track.dv;
+    query.radius_px = radius_px;
     query.min_octave = track.octave - 1;
     query.max_octave = track.octave + 1;
     query.descriptor = &track.descriptor;
@@ -48,12 +50,13 @@ std::span<const FeatureTrackId> FeatureTracks::track(const FeatureSet& features)
     track.descriptor = features.descriptor(i);
     track.octave = at.octave;
     track.seen = frame_;
+    track.seen_s = time_s;
     if (before >= 0) {
       Track& old = tracks_[static_cast<std::size_t>(before)];
-      const auto steps = static_cast<float>(frame_ - old.seen);
+      const auto since_s = static_cast<float>(time_s - old.seen_s);
       track.id = old.id;
-      track.du = (at.u - old.u) / steps;
-      track.dv = (at.v - old.v) / steps;
+      track.du = (at.u - old.u) / since_s;
+      track.dv = (at.v - old.v) / since_s;
       old.id = 0;  // its successor replaces it
     } else {
       track.id = next_++;

@@ -14,7 +14,9 @@ namespace slambed::edgeslam_semantic {
 using FeatureTrackId = std::uint64_t;
 
 struct FeatureTrackOptions {
-  float radius_px = 20;    ///< search radius around the predicted position
+  /// Search radius around the predicted position, per second since the frame before: what moves
+  /// gets farther between two frames the fewer of them a busy device tracks. 20 px at 30 frames/s.
+  float radius_px_per_s = 600;
   float ratio = 0.9f;      ///< largest ratio of the best distance to the second best
   int missing_frames = 3;  ///< consecutive frames without a match that a track survives
 };
@@ -24,9 +26,9 @@ class FeatureTracks {
  public:
   explicit FeatureTracks(FeatureTrackOptions options) : options_(options) {}
 
-  /// Takes the next frame and returns the track of each feature. The span is valid until the next
-  /// call.
-  std::span<const FeatureTrackId> track(const FeatureSet& features);
+  /// Takes the next frame, later than the one before, and returns the track of each feature. The
+  /// span is valid until the next call.
+  std::span<const FeatureTrackId> track(const FeatureSet& features, double time_s);
   /// Number of the newest frame, from 1.
   int frame() const { return frame_; }
   std::span<const FeatureTrackId> ids() const { return ids_; }
@@ -38,9 +40,10 @@ class FeatureTracks {
   struct Track {
     FeatureTrackId id = 0;
     Descriptor descriptor{};
-    float u = 0, v = 0, du = 0, dv = 0;  ///< last position, and motion in pixels per frame
+    float u = 0, v = 0, du = 0, dv = 0;  ///< last position, and motion in pixels per second
     float angle_deg = 0;
     int octave = 0, seen = 0;  ///< seen: number of the last frame with a match
+    double seen_s = 0;         ///< time of that frame
   };
 
   FeatureTrackOptions options_;
@@ -50,6 +53,7 @@ class FeatureTracks {
   std::vector<FeatureTrackId> ids_;
   FeatureTrackId next_ = 1;
   int frame_ = 0;
+  double time_s_ = 0;  ///< of the newest frame
 };
 
 }  // namespace slambed::edgeslam_semantic

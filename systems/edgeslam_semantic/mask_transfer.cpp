@@ -17,8 +17,8 @@ constexpr std::size_t kPastFrames = 60;
 MaskTransfer::MaskTransfer(LabelOptions labels, FeatureTrackOptions tracks)
     : tracks_(tracks), labels_(labels), kept_frames_(labels.frames + kKeptBeyondLabels) {}
 
-void MaskTransfer::track(std::shared_ptr<const FeatureSet> features) {
-  const auto ids = tracks_.track(*features);
+void MaskTransfer::track(std::shared_ptr<const FeatureSet> features, double time_s) {
+  const auto ids = tracks_.track(*features, time_s);
   past_.push_back(std::make_shared<FrameTracks>(
       FrameTracks{tracks_.frame(), std::move(features), {ids.begin(), ids.end()}}));
   if (past_.size() > kPastFrames) past_.pop_front();

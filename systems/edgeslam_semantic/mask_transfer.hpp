@@ -18,7 +18,7 @@ class MaskTransfer {
   explicit MaskTransfer(LabelOptions labels, FeatureTrackOptions tracks = {});
 
   /// Continues the feature tracks into the next frame.
-  void track(std::shared_ptr<const FeatureSet> features);
+  void track(std::shared_ptr<const FeatureSet> features, double time_s);
   /// Per feature of the newest frame: 1 unless a label marks it as moving.
   const std::vector<std::uint8_t>& free() const { return free_; }
   /// Notes that the newest frame became a keyframe, which has only the free features.

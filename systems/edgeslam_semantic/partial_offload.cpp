@@ -180,7 +180,7 @@ std::shared_ptr<const FeatureSet> SemanticMobile::before_tracking(
   features_ = features->size();
   worker.stage("match_features", [&](StageUnits& units) {
     units.n1 = features_;
-    transfer_.track(features);
+    transfer_.track(features, frame.played.seq_s());
     return 0;
   });
   if (record_culling_) log_features(frame, *features);
@@ -240,10 +240,15 @@ void SemanticMobile::report(Worker& worker, const TrackedFrame& frame) {
 
 void SemanticMobile::after_frame(Worker& worker, const TrackedFrame& frame) {
   report(worker, frame);
+  // Table I counts frames of a camera whose frames are all tracked, so those that a busy device
+  // drops count, too.
+  const std::size_t place = frame.offered.played.place;
+  const int passed = static_cast<int>(place + 1 - next_place_);
+  next_place_ = place + 1;
   if (frame.outcome.reset_now) reset();
   if (frame.outcome.state != TrackingState::kOk) return;
-  ++facts_.frames_since_keyframe;
-  ++facts_.frames_since_optimization;
+  facts_.frames_since_keyframe += passed;
+  facts_.frames_since_optimization += passed;
   if (frame.outcome.initialized_now) {
     reset();
     return make_keyframe(worker, frame, "first");

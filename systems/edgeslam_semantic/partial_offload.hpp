@@ -73,6 +73,7 @@ class SemanticMobile final : public MobilePolicy {
   int row_ = kDefaultRow;
   Configuration configuration_;
   FrameFacts facts_;
+  std::size_t next_place_ = 0;             ///< of the frame after the last one tracked
   std::map<KeyFrameId, Waiting> waiting_;  ///< uploads that still wait for an answer
   std::uint64_t edge_session_ = 0;         ///< of the edge that got this map's first upload
   bool edge_lacks_map_ = false;            ///< the edge did not get this map's first upload

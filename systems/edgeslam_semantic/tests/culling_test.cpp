@@ -41,6 +41,7 @@ class Culling : public ::testing::Test {
         labels(kAcross, kDown) {
     labels.add(0, folder->path() / "walk" / "labels.bin", "labels", pictures.frames());
     sequence = {.frames = pictures.frames(),
+                .fps = kRate,
                 .features = [this](std::uint64_t i) { return extracted.features(i); },
                 .masks = [this](std::uint64_t i) { return truth(i); },
                 .truth = [this](std::uint64_t i) { return truth(i); }};

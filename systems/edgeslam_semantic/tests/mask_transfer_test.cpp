@@ -11,6 +11,7 @@ namespace slambed::edgeslam_semantic {
 namespace {
 
 constexpr int kCount = 60, kHalf = 320;
+constexpr double kFrame_s = 1.0 / 30;
 
 /// A grid of features with distinct descriptors. The features in the left half move right.
 class Walk {
@@ -51,13 +52,27 @@ class Walk {
   std::vector<Descriptor> descriptors_;
 };
 
+/// Takes frames 1/30 s apart unless told otherwise.
+class Transfer : public MaskTransfer {
+ public:
+  explicit Transfer(const LabelOptions& labels, FeatureTrackOptions tracks = {})
+      : MaskTransfer(labels, tracks) {}
+  void track(std::shared_ptr<const FeatureSet> features, double after_s = kFrame_s) {
+    time_s_ += after_s;
+    MaskTransfer::track(std::move(features), time_s_);
+  }
+
+ private:
+  double time_s_ = 0;
+};
+
 int labeled(const MaskTransfer& transfer) {
   return static_cast<int>(std::count(transfer.free().begin(), transfer.free().end(), 0));
 }
 
 TEST(MaskTransfer, ALateMaskLabelsTheFeaturesOfNow) {
   const Walk walk;
-  MaskTransfer transfer({});
+  Transfer transfer(LabelOptions{});
   transfer.track(walk.frame(0));
   transfer.keep_for_comparison(wire::keyframe_id(1));
   for (int n = 1; n <= 10; ++n) transfer.track(walk.frame(n));
@@ -75,7 +90,7 @@ TEST(MaskTransfer, ALateMaskLabelsTheFeaturesOfNow) {
 
 TEST(MaskTransfer, AKeyframeIsKeptLongerThanLabelsLast) {
   const Walk walk;
-  MaskTransfer transfer({.frames = 300});
+  Transfer transfer({.frames = 300});
   transfer.track(walk.frame(0));
   transfer.keep(wire::keyframe_id(1));
   for (int n = 1; n <= 300; ++n) transfer.track(walk.frame(0));
@@ -89,7 +104,7 @@ TEST(MaskTransfer, AKeyframeIsKeptLongerThanLabelsLast) {
 
 TEST(MaskTransfer, AFeatureThatWasAwayForAMomentKeepsItsLabel) {
   const Walk walk;
-  MaskTransfer transfer({.neighbors = 0}, {.missing_frames = 3});
+  Transfer transfer({.neighbors = 0}, {.missing_frames = 3});
   transfer.track(walk.frame(0));
   transfer.keep(wire::keyframe_id(1));
   ASSERT_TRUE(transfer.apply(wire::keyframe_id(1), walk.left_half()));
@@ -102,9 +117,25 @@ TEST(MaskTransfer, AFeatureThatWasAwayForAMomentKeepsItsLabel) {
   EXPECT_EQ(transfer.free()[0], 1) << "away for four frames: a track of its own";
 }
 
+TEST(MaskTransfer, AtFourFramesASecondLabelsReachAsFarAsAWalkerGetsMeanwhile) {
+  constexpr int kApart = 24;  // the walkers move 48 px
+  constexpr double kQuarter_s = 0.25;
+  const Walk walk;
+  for (const double after_s : {kQuarter_s, kFrame_s}) {
+    Transfer transfer({.neighbors = 0});
+    transfer.track(walk.frame(0));
+    transfer.keep(wire::keyframe_id(1));
+    ASSERT_TRUE(transfer.apply(wire::keyframe_id(1), walk.left_half()));
+    transfer.track(walk.frame(kApart), after_s);
+    EXPECT_EQ(labeled(transfer), after_s == kQuarter_s ? kCount / 2 : 0) << after_s;
+    transfer.track(walk.frame(2 * kApart), after_s);
+    EXPECT_EQ(labeled(transfer), after_s == kQuarter_s ? kCount / 2 : 0) << after_s;
+  }
+}
+
 TEST(MaskTransfer, AFresherMaskSetsFreeAndAnOlderOneDoesNotWin) {
   const Walk walk;
-  MaskTransfer transfer({});
+  Transfer transfer(LabelOptions{});
   transfer.track(walk.frame(0));
   transfer.keep(wire::keyframe_id(1));
   transfer.track(walk.frame(1));
@@ -117,7 +148,7 @@ TEST(MaskTransfer, AFresherMaskSetsFreeAndAnOlderOneDoesNotWin) {
 
 TEST(MaskTransfer, AFresherMaskSetsFree) {
   const Walk walk;
-  MaskTransfer transfer({});
+  Transfer transfer(LabelOptions{});
   transfer.track(walk.frame(0));
   transfer.keep(wire::keyframe_id(1));
   transfer.track(walk.frame(1));
@@ -136,7 +167,7 @@ constexpr float kReach_px = 130;
 TEST(MaskTransfer, AFeatureThatBeganLaterIsLabeledWhereTheMaskCoversTheFrameItsNeighborsCameFrom) {
   const Walk walk;
   for (const int late : {kWalker, kStander}) {
-    MaskTransfer transfer({.reach_px = kReach_px});
+    Transfer transfer({.reach_px = kReach_px});
     transfer.track(walk.frame(0, late));
     transfer.keep(wire::keyframe_id(1));
     ASSERT_TRUE(transfer.apply(wire::keyframe_id(1), walk.left_half()));
@@ -148,7 +179,7 @@ TEST(MaskTransfer, AFeatureThatBeganLaterIsLabeledWhereTheMaskCoversTheFrameItsN
 
 TEST(MaskTransfer, WithoutNeighborsAFeatureThatBeganLaterIsFree) {
   const Walk walk;
-  MaskTransfer transfer({.neighbors = 0});
+  Transfer transfer({.neighbors = 0});
   transfer.track(walk.frame(0, kWalker));
   transfer.keep(wire::keyframe_id(1));
   ASSERT_TRUE(transfer.apply(wire::keyframe_id(1), walk.left_half()));
@@ -159,7 +190,7 @@ TEST(MaskTransfer, WithoutNeighborsAFeatureThatBeganLaterIsFree) {
 
 TEST(MaskTransfer, ALateMaskReachesWhatBeganAndEndedMeanwhile) {
   const Walk walk;
-  MaskTransfer transfer({.reach_px = kReach_px}, {.missing_frames = 1});
+  Transfer transfer({.reach_px = kReach_px}, {.missing_frames = 1});
   transfer.track(walk.frame(0, kWalker));
   transfer.keep(wire::keyframe_id(1));
   transfer.track(walk.frame(1));
@@ -172,7 +203,7 @@ TEST(MaskTransfer, ALateMaskReachesWhatBeganAndEndedMeanwhile) {
 
 TEST(MaskTransfer, WhatNeighborsSaidEndsWithAMaskThatHasNobody) {
   const Walk walk;
-  MaskTransfer transfer({.reach_px = kReach_px});
+  Transfer transfer({.reach_px = kReach_px});
   transfer.track(walk.frame(0, kWalker));
   transfer.keep(wire::keyframe_id(1));
   transfer.track(walk.frame(1, kWalker));
@@ -187,7 +218,7 @@ TEST(MaskTransfer, WhatNeighborsSaidEndsWithAMaskThatHasNobody) {
 
 TEST(MaskTransfer, LabelsEnd) {
   const Walk walk;
-  MaskTransfer transfer({.frames = 5});
+  Transfer transfer({.frames = 5});
   transfer.track(walk.frame(0));
   transfer.keep(wire::keyframe_id(1));
   ASSERT_TRUE(transfer.apply(wire::keyframe_id(1), walk.left_half()));
@@ -199,7 +230,7 @@ TEST(MaskTransfer, LabelsEnd) {
 
 TEST(MaskTransfer, KeyFramesWhoseMasksNeverComeAreForgotten) {
   const Walk walk;
-  MaskTransfer transfer({});
+  Transfer transfer(LabelOptions{});
   for (int n = 0; n < 500; ++n) {
     transfer.track(walk.frame(n % 10));
     transfer.keep(wire::keyframe_id(static_cast<std::uint64_t>(n) + 1));
@@ -211,7 +242,7 @@ TEST(MaskTransfer, KeyFramesWhoseMasksNeverComeAreForgotten) {
 
 TEST(MaskTransfer, KnowsNothingOfOtherKeyFrames) {
   const Walk walk;
-  MaskTransfer transfer({});
+  Transfer transfer(LabelOptions{});
   transfer.track(walk.frame(0));
   EXPECT_FALSE(transfer.apply(wire::keyframe_id(1), walk.left_half()));
   transfer.keep(wire::keyframe_id(1));

@@ -164,6 +164,28 @@ TEST_F(PartialOffload, AMapBeginsWithThePapersDefaultsWhateverTheLink) {
   }
 }
 
+/// Table I's f_min is a number of camera frames, also on a device that tracks every third of them.
+TEST_F(PartialOffload, ABusyDeviceWaitsNoLongerForItsNextKeyFrame) {
+  constexpr int kLong = 3 * kFrames, kLeastFrames = 10;  // f_min of row 1
+  sequence = folder.path() / "long";
+  generate({}, sequence, kLong);
+  scenario["devices"]["mobile"]["stages"]["extract"]["a_us"] = 180'000;
+  auto fixed = partial(false, true);
+  fixed["fixed_row"] = 1;
+  const Played run = play(fixed);
+  ASSERT_LT(run.of("frame_answered").size(), std::size_t{kLong} / 2);
+  std::vector<int> gaps;  // in camera frames, once the map has f_min keyframes
+  int uploads = 0, before = 0;
+  for (const auto& keyframe : run.of("keyframe_sent")) {
+    const int frame = keyframe["frame"];
+    if (++uploads > kLeastFrames + 1) gaps.push_back(frame - before);
+    before = frame;
+  }
+  ASSERT_GT(gaps.size(), 2u);
+  std::sort(gaps.begin(), gaps.end());
+  EXPECT_LT(gaps[gaps.size() / 2], 2 * kLeastFrames);
+}
+
 TEST_F(PartialOffload, WithoutAdaptationTheNextGoesUpWhenTheAnswersAreBack) {
   write_masks(kHeight * 3 / 4);
   const Played run = play(partial(true, false));
