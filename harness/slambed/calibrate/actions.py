@@ -131,10 +131,11 @@ def match_paper(name: str, jobs: int | None, check: bool) -> None:
     for role, fitted in targets.devices.items():
         if fitted.given:
             continue
-        path = library.root / "catalog" / "devices" / f"{fitted.device}.yaml"
         head = f"Found by 'slambed calibrate --match {name}': {targets.title}."
-        write_model(path, fit.model(role), {"": head}, targets.title)
-        typer.echo(f"cost model written to {path}")
+        for device, model in fit.models(role).items():
+            path = library.root / "catalog" / "devices" / f"{device}.yaml"
+            write_model(path, model, {"": head}, targets.title)
+            typer.echo(f"cost model written to {path}")
 
 
 def worst_line(fit: Fit) -> str:

@@ -141,6 +141,19 @@ class Fit:
                 stages[name] = scaled(cost, found.alpha, cost.jitter)
         return base.model_copy(update={"cores": fitted.cores, "stages": stages | self._kept[role]})
 
+    def models(self, role: Role) -> dict[str, CostModel]:
+        """Returns the models to write, by device: the fitted one, and those with its stages."""
+        fitted, own = self.targets.devices[role], self.model(role)
+        found = {fitted.device: own}
+        for name in fitted.also:
+            other = self._library.device(name).model
+            if other is None:
+                raise SlambedError(
+                    f"device {name} has no cost model whose stages could be replaced"
+                )
+            found[name] = other.model_copy(update={"stages": own.stages})
+        return found
+
     def error_percent(self, component: str, condition: str) -> float:
         """Returns the error of the last simulated mean relative to the printed one."""
         (target,) = (c.mean_ms[condition] for c in self.targets.components if c.name == component)

@@ -24,6 +24,9 @@ class FittedDevice(BaseModel):
     """Scale of stages without a component, and initial scale of the others."""
     kept: list[str] = Field(default_factory=list)
     """Stages whose cost in the device file has another source: neither scaled nor overwritten."""
+    also: list[str] = Field(default_factory=list)
+    """Further device files that get the same stages, with their own cores and speed: other
+    machines of the paper without printed times."""
     given: bool = False
     """True for a device that the runs use unchanged; it is neither fitted nor written."""
 

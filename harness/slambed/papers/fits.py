@@ -37,7 +37,7 @@ def read_fits(folder: Path | None = None) -> list[DeviceFit]:
             continue
         # A `given` device was not fitted, so its runs alone involve no fitted number.
         fitted = (d for d in content.get("devices", {}).values() if not d.get("given"))
-        devices = frozenset(str(d["device"]) for d in fitted)
+        devices = frozenset(str(n) for d in fitted for n in (d["device"], *d.get("also", [])))
         found.append(DeviceFit(path.stem, tuple(map(str, content["fits"])), devices))
     return found
 

@@ -216,6 +216,21 @@ def test_a_device_that_is_fitted_on_keeps_what_the_fit_is_not_about() -> None:
         )
 
 
+def test_other_machines_of_a_paper_get_the_stages_with_their_own_cores_and_speed() -> None:
+    fit = Fit(
+        parse(Targets, load_yaml(FITS / "cloudslam_table1.yaml")),
+        load_yaml(FITS / "cloudslam_table1.yaml"),
+        Library(),
+    )
+    fit.scales["mapping"].alpha = 3.0
+    found = fit.models("mobile")
+    one_core, vehicle = found["edge_i7_6700k_1_core"], found["vehicle_e5_2680v2"]
+    before = Library().device("vehicle_e5_2680v2").model
+    assert before is not None and before.stages["bundle"] != vehicle.stages["bundle"]
+    assert vehicle.stages == one_core.stages
+    assert (vehicle.cores, vehicle.speed) == (before.cores, before.speed)
+
+
 def ijnc(**changes: object) -> Targets:
     return parse(Targets, load_yaml(FITS / "ijnc.yaml")).model_copy(update=changes)
 
@@ -260,6 +275,10 @@ def test_the_fits_that_we_ship_are_whole(path: Path) -> None:
             continue
         model, shipped = fit.model(role), library.device(fitted.device).model
         assert shipped is not None and shipped.cores == fitted.cores
+        for name, other in list(fit.models(role).items())[1:]:
+            ours = library.device(name).model
+            assert ours is not None and (ours.cores, ours.speed) == (other.cores, other.speed)
+            assert ours.stages == shipped.stages, f"{name} has not the stages of {fitted.device}"
         assert set(shipped.stages) >= set(model.stages)
         # A fit changes only its own stages, and not others such as those of the text codec.
         about = {name for c in targets.components if c.node == role for name in c.stages}
