@@ -167,7 +167,7 @@ def test_the_command_shows_what_is_decided() -> None:
     assert "d_t3_sine: 150 runs per cell, seed 3" in result.output
     assert "dynnet.O09 (power 0.83): Under the sine the safe zone does harm" in result.output
     later = CliRunner().invoke(app, ["plan", "cloudslam"])
-    assert "later, 30 runs per cell: devices fitted to the paper's machines" in later.output
+    assert "later, 5 runs per cell: live runs of c_f14_resources" in later.output
     assert "cloudslam.O01 (power 1)" in later.output
     missing = CliRunner().invoke(app, ["plan", "peer_orbslam2"])
     assert isinstance(missing.exception, SlambedError)
