@@ -115,7 +115,9 @@ def test_nothing_in_common_is_reported() -> None:
         diff(results(rng), other)
 
 
-def test_the_command_compares_two_folders(tmp_path: Path) -> None:
+def test_the_command_compares_two_folders(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    # In 80 columns the headings have two lines.
+    monkeypatch.setenv("COLUMNS", "160")
     folders = []
     for name, track_ms in (("before", 40.0), ("after", 80.0)):
         runs = [
