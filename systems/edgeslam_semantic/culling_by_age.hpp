@@ -28,7 +28,7 @@ struct CullingOptions {
 
 struct CullingSequence {
   std::uint64_t frames = 0;
-  double fps = 30;
+  double fps = 0;  ///< frame rate of the camera; must be set
   std::function<std::shared_ptr<const FeatureSet>(std::uint64_t frame)> features;
   std::function<FrameMasks(std::uint64_t frame)> masks, truth;
 };

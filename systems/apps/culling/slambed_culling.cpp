@@ -60,6 +60,7 @@ int run(int argc, char** argv) {
   const auto truth = open(folder / "labels.bin");
   const auto ages =
       culling_by_age({.frames = sequence.frames(),
+                      .fps = sequence.fps(),
                       .features = [&](std::uint64_t frame) { return source.features(frame); },
                       .masks = masks.empty() ? truth : open(masks),
                       .truth = truth},
