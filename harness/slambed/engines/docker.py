@@ -159,6 +159,8 @@ class DockerEngine(ThisHostEngine):
         self._nodes: dict[Role, DockerNode] = {}
         self._ids: dict[str, str] = {}
         """Image name -> id of the systems' own images, when the campaign began."""
+        self._with_python: set[tuple[str, str]] = set()
+        """Ids of users' images that have the Python of their packages, with its version."""
         self._run_key = ""
         self._for_questions = for_questions
         self._image = image or find_image(self._client)
@@ -183,7 +185,7 @@ class DockerEngine(ThisHostEngine):
         found: dict[str, str] = {}
         roles: tuple[Role, ...] = ("mobile",) if runtime.edge is None else ("mobile", "edge")
         for role in roles:
-            if not (name := image_name(runtime, role)):
+            if not (name := image_name(runtime, role, system)):
                 raise SlambedError(
                     f"system {system} names no image for engine docker; write runtime.image, or "
                     "use --engine local"
@@ -215,7 +217,10 @@ class DockerEngine(ThisHostEngine):
                 build_python_image(runtime.python, name, system)
                 image = self._client.images.get(name)
             if runtime.python is not None and not made_here and not self._for_questions:
-                must_have_python(self._client, name, version_of(runtime.python), system)
+                asked = (str(image.id), version_of(runtime.python))
+                if asked not in self._with_python:
+                    must_have_python(self._client, name, asked[1], system)
+                    self._with_python.add(asked)
             return str(image.id)
 
     def start(self, plan: NodePlan) -> Node:
@@ -342,7 +347,7 @@ class DockerEngine(ThisHostEngine):
 
     def _foreign_program(self, plan: NodePlan) -> dict[str, Any]:
         assert plan.runtime is not None
-        name = image_name(plan.runtime, plan.role)
+        name = image_name(plan.runtime, plan.role, str(plan.system_folder))
         config = f"{OUTPUT}/{config_name(plan)}"
         program = container_options(plan, self._ids.get(name, name), config, START_BARRIER)
         volumes = _volumes(plan) | player_volumes(plan) | python_volume(plan)

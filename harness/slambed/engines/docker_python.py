@@ -25,13 +25,14 @@ KEY_DIGITS = 12
 ANSWER_LIMIT_S = 60
 
 
-def image_name(runtime: Runtime, role: str) -> str:
+def image_name(runtime: Runtime, role: str, system: str) -> str:
     """Returns the image of a role: the one it names, else the one that slambed makes for its
-    Python packages; empty if it has neither."""
+    Python packages; empty if it has neither. Raises SlambedError if slambed cannot make it."""
     if not is_made_here(runtime, role):
         return runtime.image_of(role)
     assert runtime.python is not None
-    key = hashlib.sha256(_recipe(runtime.python).encode()).hexdigest()[:KEY_DIGITS]
+    recipe = _recipe(runtime.python, base_of(runtime.python, system))
+    key = hashlib.sha256(recipe.encode()).hexdigest()[:KEY_DIGITS]
     return f"{REPOSITORY}:{key}"
 
 
@@ -40,21 +41,26 @@ def is_made_here(runtime: Runtime, role: str) -> bool:
     return runtime.python is not None and not runtime.image_of(role)
 
 
-def build_python_image(python: PythonPackages, name: str, system: str) -> None:
-    """Builds the image; output goes to the terminal. Raises SlambedError if it cannot be built, or
-    if no base has the Python of the packages."""
+def base_of(python: PythonPackages, system: str) -> str:
+    """Returns the system that has the Python of the packages. Raises SlambedError if none has."""
     version = version_of(python)
     if (base := BASES.get(version)) is None:
         raise environment_error(
             f"system {system} has packages of Python {version}, and slambed makes images with "
             f"{', '.join(BASES)}; name an image in runtime.image, or use --engine local"
         )
+    return base
+
+
+def build_python_image(python: PythonPackages, name: str, system: str) -> None:
+    """Builds the image; output goes to the terminal. Raises SlambedError if it cannot be built."""
+    base = base_of(python, system)
     script = repository_root() / "tools" / "base_image.sh"
     if subprocess.run(["bash", str(script), base], check=False).returncode == 0:
         print(f"making image {name}: {base} with {', '.join(['python3', *python.apt])}", flush=True)
         built = subprocess.run(
             ["docker", "build", "--quiet", "-t", name, "-"],
-            input=_recipe(python),
+            input=_recipe(python, base),
             text=True,
             check=False,
             # Every Docker has the classic builder.
@@ -106,10 +112,10 @@ def python_volume(plan: NodePlan) -> dict[str, dict[str, str]]:
     return {str(folder): {"bind": ENVIRONMENT_IN_CONTAINER, "mode": "ro"}}
 
 
-def _recipe(python: PythonPackages) -> str:
+def _recipe(python: PythonPackages, base: str) -> str:
     wanted = " ".join(["python3", *sorted(python.apt)])
     return (
-        f"FROM {BASES.get(version_of(python), 'scratch')}\n"
+        f"FROM {base}\n"
         f"RUN apt-get update && apt-get install -y --no-install-recommends {wanted} "
         "&& rm -rf /var/lib/apt/lists/*\n"
     )

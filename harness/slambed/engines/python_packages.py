@@ -23,7 +23,8 @@ LOCK = "installed.txt"
 """Written last: an environment without it is incomplete."""
 KEY_DIGITS = 12
 INSTALL_LIMIT_S = 1800.0
-PIP = ("-m", "pip", "--disable-pip-version-check", "--no-input")
+# -I: packages of the user's PYTHONPATH would count as installed.
+PIP = ("-I", "-m", "pip", "--disable-pip-version-check", "--no-input")
 
 
 @dataclass(frozen=True)

@@ -12,7 +12,7 @@ from pydantic import ValidationError
 
 from slambed.engines import python_packages
 from slambed.engines.base import NodePlan, last_line
-from slambed.engines.docker_python import build_python_image, image_name, python_volume
+from slambed.engines.docker_python import image_name, python_volume
 from slambed.engines.foreign import container_options, environment
 from slambed.engines.python_packages import (
     find_environment,
@@ -71,6 +71,17 @@ def test_packages_are_installed_once_and_named_with_their_versions(
     monkeypatch.setattr(python_packages, "_run", None)  # nothing is started again
     assert make_environment(python, tmp_path, told.append) == made
     assert kept_environment(python, tmp_path) == made and len(told) == 1
+
+
+def test_the_users_python_path_does_not_count(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    elsewhere = tmp_path / "elsewhere" / "other-1.0.dist-info"
+    elsewhere.mkdir(parents=True)
+    (elsewhere / "METADATA").write_text("Metadata-Version: 2.1\nName: other\nVersion: 1.0\n")
+    monkeypatch.setenv("PYTHONPATH", str(elsewhere.parent))
+    python = PythonPackages(requires=[wheel(tmp_path, "1.5")])
+    assert make_environment(python, tmp_path, quiet).versions == {"tiny-slam": "1.5"}
 
 
 def test_what_an_interrupted_installation_left_is_made_again(tmp_path: Path) -> None:
@@ -155,7 +166,7 @@ def test_the_image_follows_from_the_debian_packages_alone(tmp_path: Path) -> Non
     def image(**settings: object) -> str:
         plan = plan_of(PythonPackages.model_validate(settings), tmp_path)
         assert plan.runtime is not None
-        return image_name(plan.runtime, "mobile")
+        return image_name(plan.runtime, "mobile", "mine")
 
     first = image(requires=["a"], apt=["libgl1", "libsm6"])
     assert first == image(requires=["b"], apt=["libsm6", "libgl1"])
@@ -166,12 +177,12 @@ def test_the_image_has_the_python_of_the_packages(tmp_path: Path) -> None:
     def image(version: str) -> str:
         plan = plan_of(PythonPackages(requires=["a"], version=version), tmp_path)
         assert plan.runtime is not None
-        return image_name(plan.runtime, "mobile")
+        return image_name(plan.runtime, "mobile", "mine")
 
     assert len({image("3.11"), image("3.12"), image("3.13")}) == 3
-    old = PythonPackages(requires=["a"], version="3.9")
-    with pytest.raises(SlambedError, match=r"Python 3\.9, and slambed makes images with 3\.11, "):
-        build_python_image(old, "unused", "mine")
+    refused = r"system mine has packages of Python 3\.9, and slambed makes images with 3\.11, "
+    with pytest.raises(SlambedError, match=refused):
+        image("3.9")
 
 
 def test_run_keys_depend_on_the_installed_versions(tmp_path: Path) -> None:
