@@ -45,12 +45,12 @@ class Component(BaseModel):
     stages: list[str]
     """Stages that are scaled; if empty, the time follows from the others and is only shown."""
     measure: str = "per_frame"
-    """A part of T_Total (`T_LM`, ...); or the time of the stages on `node` in a tracked frame
-    (`per_frame`), in a frame that becomes a keyframe (`per_keyframe`), for a keyframe that was
-    mapped (`per_mapped_keyframe`) or for an applied map update that no lost frame requested
-    (`per_update`); or the time of each execution of the stages that
-    reached a pose (`per_attempt`); or the time from capture until the edge's pose of the frame
-    arrives (`per_answer`)."""
+    """What the time is of. Either a part of T_Total, such as `T_LM`. Or the time of the stages on
+    `node`, in a tracked frame (`per_frame`), or in a frame that becomes a keyframe
+    (`per_keyframe`). `per_mapped_keyframe` counts for each keyframe that was mapped. `per_update`
+    is for an applied map update that no lost frame requested. `per_attempt` is each execution of
+    the stages that reached a pose. `per_answer` is from capture until the edge's pose of the frame
+    arrives."""
     along: list[str] = Field(default_factory=list)
     """Stages without a printed time that are scaled like `stages`."""
     fixed_on: str | None = None
