@@ -1,11 +1,13 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Draws a paper's figures of single events with ours, as SVG: when something was sent, or how large
-corrections were."""
+"""Draws a paper's figures of single events with ours: when something was sent, or how large
+corrections were. They are SVG inside the page."""
 
+import io
 from dataclasses import dataclass
 from typing import Any
 
-import numpy as np
+import matplotlib.pyplot as plt
+from matplotlib.axes import Axes
 
 from slambed.papers.compare import Column, PaperVerdicts
 from slambed.papers.lookup import pool_of
@@ -14,14 +16,11 @@ from slambed.papers.published import PublishedFigure, cells_of
 from slambed.papers.published.published_tables import Drawn
 from slambed.papers.strip import escaped
 from slambed.report.load import Results
-from slambed.report.style import color
+from slambed.report.style import color, dash, figure, lay_out, legend_beneath
 
-WIDTH, LEFT, RIGHT = 640, 230, 12
-LANE = 18
-CURVES_HIGH = 180
-TICKS = 5
-STEPS = (1.0, 2.0, 5.0, 10.0)
-"""Distances of ticks, times a power of ten."""
+LANE_IN, AROUND_IN = 0.22, 0.5
+"""Height of a row of marks, and of what is around all rows."""
+CURVES_IN = 2.4
 
 
 @dataclass(frozen=True)
@@ -49,14 +48,14 @@ def drawn_figures(
 ) -> list[DrawnFigure]:
     """Returns the declared drawings for one kind of engine; those without any run are left out."""
     found = []
-    for figure in verdicts.paper.figures:
-        if figure.drawn is None:
+    for asked in verdicts.paper.figures:
+        if asked.drawn is None:
             continue
-        curves = _curves(verdicts, column, experiments, figure)
+        curves = _curves(verdicts, column, experiments, asked)
         if curves:
-            draw = _times if figure.drawn.kind == "times" else _distribution
-            svg = draw(curves, figure.drawn.unit, f"{figure.label}, ours: {figure.shows}")
-            found.append(DrawnFigure(figure.label, figure.shows, svg, _note(figure.drawn, curves)))
+            label = f"{asked.label}, ours: {asked.shows}"
+            svg = _svg(curves, asked.drawn, label)
+            found.append(DrawnFigure(asked.label, asked.shows, svg, _note(asked.drawn, curves)))
     return found
 
 
@@ -100,72 +99,42 @@ def _value(drawn: Drawn, event: dict[str, Any]) -> float:
     return float(event[drawn.field]) if drawn.field else event["t_ns"] * 1e-9
 
 
-def _times(curves: list[Curve], unit: str, label: str) -> str:
-    end = max(max(curve.values) for curve in curves) or 1.0
-    parts = []
-    for row, curve in enumerate(curves):
-        top = row * LANE
-        parts.append(_lane(curve.label, top + LANE / 2))
-        parts += [
-            f'<line x1="{_x(value, end):.1f}" x2="{_x(value, end):.1f}" y1="{top + 3}" '
-            f'y2="{top + LANE - 3}" stroke="{color(row)}" stroke-width="1.6"/>'
-            for value in curve.values
-        ]
-    return _svg(parts, len(curves) * LANE, end, unit, label)
+def _svg(curves: list[Curve], drawn: Drawn, label: str) -> str:
+    """Returns the drawing; its text stays text, which readers can search and hear."""
+    times = drawn.kind == "times"
+    height_in = AROUND_IN + LANE_IN * len(curves) if times else CURVES_IN
+    with figure(height_in=height_in) as (made, (axis,)), plt.rc_context({"svg.fonttype": "none"}):
+        if times:
+            _times(axis, curves)
+        else:
+            _distribution(axis, curves)
+            legend_beneath(made, axis)
+        axis.set_xlabel(drawn.unit)
+        axis.set_xlim(left=0.0)
+        lay_out(made)
+        out = io.StringIO()
+        made.savefig(out, format="svg", metadata={"Date": None})
+    svg = out.getvalue()
+    opening = f'<svg class="drawn" role="img" aria-label="{escaped(label)}" '
+    return opening + svg[svg.index("<svg ") + len("<svg ") :]
 
 
-def _distribution(curves: list[Curve], unit: str, label: str) -> str:
-    end = max(max(curve.values) for curve in curves) or 1.0
-    parts = []
-    for number, curve in enumerate(curves):
-        shares = np.arange(1, len(curve.values) + 1) / len(curve.values)
-        at, path = 0.0, [f"M{_x(0.0, end):.1f} {CURVES_HIGH}"]
-        for value, share in zip(curve.values, shares, strict=True):
-            path.append(f"L{_x(value, end):.1f} {_y(at):.1f}L{_x(value, end):.1f} {_y(share):.1f}")
-            at = float(share)
-        path.append(f"L{_x(end, end):.1f} {_y(1.0):.1f}")
-        parts.append(
-            f'<path d="{"".join(path)}" fill="none" stroke="{color(number)}" stroke-width="1.6">'
-            f"<title>{escaped(curve.label)}</title></path>"
-        )
-        middle = 12 + number * LANE
-        parts.append(_lane(curve.label, middle - 3.5))
-        parts.append(
-            f'<line x1="{LEFT - 44}" x2="{LEFT - 30}" y1="{middle - 4}" y2="{middle - 4}" '
-            f'stroke="{color(number)}" stroke-width="2.4"/>'
-        )
-    parts += [
-        f'<text class="tick" x="{LEFT - 12}" y="{_y(share) + 3.5:.1f}">{share:g}</text>'
-        for share in (0.0, 0.5, 1.0)
-    ]
-    return _svg(parts, CURVES_HIGH, end, unit, label)
-
-
-def _lane(label: str, middle: float) -> str:
-    return f'<text class="lane" x="{LEFT - 50}" y="{middle + 3.5:.1f}">{escaped(label)}</text>'
-
-
-def _x(value: float, end: float) -> float:
-    return LEFT + (WIDTH - LEFT - RIGHT) * value / end
-
-
-def _y(share: float) -> float:
-    return CURVES_HIGH - (CURVES_HIGH - 6) * share
-
-
-def _svg(parts: list[str], top: float, end: float, unit: str, label: str) -> str:
-    power = 10.0 ** np.floor(np.log10(end / TICKS))
-    step = next(power * n for n in STEPS if power * n * TICKS >= end)
-    ticks = np.arange(0.0, end * (1 + 1e-9), step)
-    axis = [
-        f'<line class="tickline" x1="{LEFT}" x2="{WIDTH - RIGHT}" y1="{top}" y2="{top}"/>',
-        *(
-            f'<text class="tick" x="{_x(float(tick), end):.1f}" y="{top + 14}">{tick:g}</text>'
-            for tick in ticks
-        ),
-        f'<text class="lane" x="{WIDTH - RIGHT}" y="{top + 28}">{escaped(unit)}</text>',
-    ]
-    return (
-        f'<svg class="strip" viewBox="0 0 {WIDTH} {top + 34:.0f}" role="img" '
-        f'aria-label="{escaped(label)}">{"".join(parts)}{"".join(axis)}</svg>'
+def _times(axis: Axes, curves: list[Curve]) -> None:
+    rows = range(len(curves))
+    axis.eventplot(
+        [curve.values for curve in curves],
+        lineoffsets=list(rows),
+        linelengths=0.7,
+        linewidths=1.2,
+        colors=[color(row) for row in rows],
     )
+    axis.set_yticks(rows, [curve.label for curve in curves])
+    axis.set_ylim(len(curves) - 0.5, -0.5)
+    axis.grid(visible=False, axis="y")
+
+
+def _distribution(axis: Axes, curves: list[Curve]) -> None:
+    for number, curve in enumerate(curves):
+        axis.ecdf(curve.values, color=color(number), linestyle=dash(number), label=curve.label)
+    axis.set_ylabel("share of events")
+    axis.set_ylim(0.0, 1.02)

@@ -148,8 +148,9 @@ def test_figures_of_single_events_are_drawn(paper: Paper, tmp_path: Path) -> Non
     assert "periodic, period s 5" in sent.svg
     assert "distance" not in sent.svg  # none was played
     assert f"{RUNS} runs per curve" in sizes.note
-    assert ">0.5<" in sizes.svg
-    assert "50" not in sizes.note + sizes.svg.partition("<text")[0]  # the pose that placed the trip
+    assert "share of events" in sizes.svg and "correction in m" in sizes.svg
+    assert ">0.5<" in sizes.svg and ">50<" not in sizes.svg  # the pose that placed the trip
+    assert drawn_figures(verdicts, verdicts.columns[0], [results]) == [sent, sizes]
     page = write_paper_page(paper, [results], tmp_path / "papers").html.read_text()
     assert "<h2>Fig. 12</h2>" in page and "<h2>Fig. 18</h2>" in page
 
