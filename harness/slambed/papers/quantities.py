@@ -49,6 +49,7 @@ from slambed.papers.verdicts.statements import (
     judge_gap,
     judge_ratio,
     judge_reduction,
+    judge_reduction_bound,
     judge_set,
     judge_up_to,
     judge_up_to_more,
@@ -145,8 +146,9 @@ def _two(
         else (1 - cell.value, digit)
     )
     if claim.op in BOUND_OPS:
-        verdict = _bounded(pair, stated, str(claim.op), isinstance(quantity, Reduction))
-        return verdict, _of_two(quantity, of, base)
+        # More than x % less leaves less than the rest; more than x times leaves more.
+        below = claim.op in (("gt", "ge") if isinstance(quantity, Reduction) else ("lt", "le"))
+        return judge_reduction_bound(pair, below, stated), _of_two(quantity, of, base)
     if claim.op == "about":
         about = paper.margins.get("about")
         margin = max(margin, about.ratio if about is not None and about.ratio else 0.0)
@@ -160,31 +162,6 @@ def _difference(pair: Pair, cell: PublishedCell, scale: float) -> Verdict:
     if (bound := BOUND_OPS.get(str(cell.claim.op))) is not None:
         return judge_difference_bound(pair, bound, cell.value, scale)
     return judge_difference(pair, cell.value, cell.resolution or 0.0, scale)
-
-
-def _bounded(pair: Pair, stated: float, op: str, reduction: bool) -> Verdict:
-    """Judges `more than 50 % less` by the one-sided limit of ln(of / base)."""
-    if pair.fewest < FEWEST_RUNS:
-        return too_few(pair.fewest, "ratio", None)
-    left = pair.left()
-    limit = float(np.log1p(-stated))
-    below = (op in ("gt", "ge")) if reduction else (op in ("lt", "le"))
-    low, high = left.interval(0.9)
-    message = f"ours {pair.reduction:+.1%} less [{1 - np.exp(high):.1%}, {1 - np.exp(low):.1%}]"
-    found = Verdict(
-        "inconclusive",
-        f"{message}, stated {stated:.1%}",
-        "one-sided 95 % limits of ln(of / base)",
-        "ratio",
-        left.value - limit,
-        low - limit,
-        high - limit,
-    )
-    if (high <= limit) if below else (low >= limit):
-        return replace(found, outcome="reproduced")
-    if (low > limit) if below else (high < limit):
-        return replace(found, outcome="differs")
-    return found
 
 
 def _increase(pair: Pair, stated: float, digit: float, op: str) -> Verdict:

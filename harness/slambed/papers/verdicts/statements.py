@@ -162,11 +162,37 @@ def judge_difference_bound(
         low - stated,
         high - stated,
     )
-    if (high <= stated) if below else (low >= stated):
-        return replace(verdict, outcome="reproduced")
-    if (low > stated) if below else (high < stated):
-        return replace(verdict, outcome="differs")
-    return verdict
+    return _by_side(verdict, below)
+
+
+def judge_reduction_bound(ours: Pair, below: bool, stated: float) -> Verdict:
+    """Judges `more than 50 % less` (stated: 0.5; `below`: what is left must be below the rest) by
+    the one-sided 95 % limits of ln(after / before)."""
+    if ours.fewest < FEWEST_RUNS:
+        return too_few(ours.fewest, "ratio", None)
+    left = ours.left()
+    limit = float(np.log1p(-stated))
+    low, high = left.interval(0.9)
+    message = f"ours {ours.reduction:+.1%} less [{1 - np.exp(high):.1%}, {1 - np.exp(low):.1%}]"
+    verdict = Verdict(
+        "inconclusive",
+        f"{message}, stated {stated:.1%}",
+        "one-sided 95 % limits of ln(of / base)",
+        "ratio",
+        left.value - limit,
+        low - limit,
+        high - limit,
+    )
+    return _by_side(verdict, below)
+
+
+def _by_side(found: Verdict, below: bool) -> Verdict:
+    """Decides an open verdict by the side of zero on which both limits of its effect are."""
+    if (found.high <= 0) if below else (found.low >= 0):
+        return replace(found, outcome="reproduced")
+    if (found.low > 0) if below else (found.high < 0):
+        return replace(found, outcome="differs")
+    return found
 
 
 def judge_gap(ours: Pair, stated: float) -> Verdict:
@@ -288,17 +314,16 @@ def judge_bound(ours: Mean | Share, op: Literal["lt", "le", "gt", "ge"], limit: 
     )
     found = Verdict(
         "inconclusive",
-        f"{message}: the limit is between",
+        message,
         "one-sided 95 % limits",
         scale,
         ours.value - limit,
         low - limit,
         high - limit,
     )
-    if (high <= limit) if below else (low >= limit):
-        return replace(found, outcome="reproduced", why=message)
-    if (low > limit) if below else (high < limit):
-        return replace(found, outcome="differs", why=message)
+    found = _by_side(found, below)
+    if found.outcome == "inconclusive":
+        return replace(found, why=f"{message}: the limit is between")
     return found
 
 
