@@ -21,6 +21,13 @@ class Condition:
     dataset: str
     profile: str
     runs: pd.DataFrame
+    labels: tuple[str, ...]
+    """Systems of the whole experiment in their order: one has the same color in every figure, also
+    where others are missing."""
+
+    def number(self, label: str) -> int:
+        """Returns the place of a system among all, which gives its color."""
+        return self.labels.index(label)
 
     @property
     def title(self) -> str:
@@ -36,8 +43,9 @@ class Condition:
 def conditions_of(results: Results, all_runs: bool = False) -> list[Condition]:
     """Returns every condition in the order of the cells, of valid runs or of all."""
     runs = results.runs if all_runs else results.valid_runs
+    labels = tuple(str(label) for label in results.runs["label"].drop_duplicates())
     return [
-        Condition(text(dataset), text(profile), rows)
+        Condition(text(dataset), text(profile), rows, labels)
         for (dataset, profile), rows in runs.groupby(
             ["dataset", "profile"], sort=False, dropna=False
         )

@@ -122,7 +122,7 @@ def _jobs(
         yield Job(key, draw, made_of(_columns(results, key), "metric", item.look))
     for condition in conditions_of(results):
         runs = condition.runs
-        made = made_of(runs, files_of(results, runs))
+        made = made_of(runs, files_of(results, runs), *condition.labels)
         for kind, drawn in (
             ("losses", partial(draw_losses, results, condition, writer)),
             ("trajectory", partial(draw_paths, results, condition, writer)),

@@ -4,6 +4,7 @@
 import json
 from itertools import pairwise
 from pathlib import Path
+from typing import Any
 
 import pandas as pd
 import pytest
@@ -73,7 +74,8 @@ def test_names_of_stages_can_be_read_and_do_not_touch(
     figures: list[Figure] = []
     writer = FigureWriter(tmp_path, "", [])
     monkeypatch.setattr(writer, "save", lambda made, *_: figures.append(made))
-    _stage_bars(table, Condition("room", "none", pd.DataFrame()), writer)
+    labels = tuple(f"system {i}" for i in range(systems))
+    _stage_bars(table, Condition("room", "none", pd.DataFrame(), labels), writer)
     (made,) = figures
     lay_out(made)
     names = made.axes[0].get_yticklabels()
@@ -192,3 +194,32 @@ def test_what_each_system_changes_is_drawn_where_an_experiment_asks_for_it(tmp_p
     figures = json.loads((paths.folder / "figures.json").read_text())
     assert figures[0]["name"] == "changes_room_walk_lost"
     assert "pairs of equal seed" in figures[0]["caption"]
+
+
+def test_a_system_has_one_color_where_another_is_missing(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def lost(system: str, variant: str, profile: str, seed: int) -> tuple[Any, RawRun]:
+        run = RawRun(duration_s=4, seed=seed, lost_at_s=((2.0, 3.0),))
+        return spec_of(system, variant, profile, seed), run
+
+    runs = [
+        lost("orbslam2", "default", "none", 0),
+        lost("edgeslam", "static", "none", 0),
+        lost("edgeslam", "static", "ramp_85", 0),
+    ]
+    results = load(write_experiment(tmp_path, runs))
+    writer = FigureWriter(tmp_path / "figures", "", [])
+    colors: list[str] = []
+
+    def keep(made: Figure, *_: object) -> None:
+        colors.extend(
+            str(line.get_color())
+            for line in made.axes[0].get_lines()
+            if str(line.get_label()).startswith("edgeslam")
+        )
+
+    monkeypatch.setattr(writer, "save", keep)
+    for condition in conditions_of(results):
+        draw_losses(results, condition, writer)
+    assert len(colors) == 2 and len(set(colors)) == 1

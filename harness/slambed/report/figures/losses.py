@@ -30,9 +30,9 @@ def draw_losses(results: Results, condition: Condition, writer: FigureWriter) ->
         sharex=True,
         gridspec_kw={"height_ratios": [2.2, 1]} if profile is not None else None,
     ) as (made, axes):
-        for index, (label, runs) in enumerate(condition.systems()):
+        for label, runs in condition.systems():
             curve = _curve(runs, end_s)
-            _step(axes[0], curve, f"{label} (n = {len(runs)})", index)
+            _step(axes[0], curve, f"{label} (n = {len(runs)})", condition.number(label))
             rows.append(curve.assign(label=label, runs=len(runs)))
         _finish(axes[0], condition.runs)
         legend_beneath(made, axes[0])

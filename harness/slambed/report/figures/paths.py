@@ -95,7 +95,7 @@ def draw_paths(results: Results, condition: Condition, writer: FigureWriter) -> 
         if by_error and truth is not None:
             _panels(made, axes, shown, truth, axes_shown)
         else:
-            _together(axes[0], shown, truth, axes_shown)
+            _together(axes[0], condition, shown, truth, axes_shown)
             legend_beneath(made, axes[0])
         for axis in axes[panels:]:
             axis.remove()
@@ -196,13 +196,18 @@ def _panels(
 
 
 def _together(
-    axis: Axes, shown: list[DrawnPath], truth: Trajectory | None, which: tuple[int, int]
+    axis: Axes,
+    condition: Condition,
+    shown: list[DrawnPath],
+    truth: Trajectory | None,
+    which: tuple[int, int],
 ) -> None:
     """Draws all systems over each other, where no error is known."""
     if truth is not None:
         x, y = broken_line(truth, *which)
         axis.plot(x, y, color=GROUND_TRUTH, linewidth=2.6, alpha=0.6, label="ground truth")
-    for index, path in enumerate(shown):
+    for path in shown:
+        index = condition.number(path.label)
         x, y = broken_line(path.estimate, *which)
         look = {"color": color(index), "linestyle": dash(index)}
         axis.plot(x, y, linewidth=1.1, label=path.name, **look)

@@ -51,7 +51,8 @@ def draw_over_time(
     labels = list(dict.fromkeys(data["label"]))
     with figure(len(nodes), height_in=1.2 + 1.9 * len(nodes), sharex=True) as (made, axes):
         for axis, node in zip(axes, nodes, strict=True):
-            for index, label in enumerate(labels):
+            for label in labels:
+                index = condition.number(label)
                 own = curves[(curves["node"] == node) & (curves["label"] == label)]
                 own = own.sort_values("t_s")
                 if own.empty:

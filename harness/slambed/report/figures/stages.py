@@ -78,11 +78,12 @@ def _stage_bars(table: pd.DataFrame, condition: Condition, writer: FigureWriter)
     with figure(height_in=1.4 + 0.27 * len(stages) * max(1.0, 0.7 * len(labels))) as (made, axes):
         axis = axes[0]
         height = 0.8 / len(labels)
-        for index, label in enumerate(labels):
+        for row, label in enumerate(labels):
+            index = condition.number(label)
             own = table[table["label"] == label].set_index(["node", "stage"])["mean_ms"]
             places = [p for p, key in enumerate(stages) if key in own.index]
             axis.barh(
-                [p - 0.4 + height * (index + 0.5) for p in places],
+                [p - 0.4 + height * (row + 0.5) for p in places],
                 [float(own[stages[p]]) for p in places],
                 height=0.92 * height,
                 color=color(index),
