@@ -31,11 +31,12 @@ class TerminalTable:
 
     content: Content
 
-    def __rich_console__(self, console: Console, options: ConsoleOptions) -> Iterator[Table]:
-        caption: str | None = self.content.caption
+    def __rich_console__(self, console: Console, options: ConsoleOptions) -> Iterator[Text | Table]:
+        if self.content.caption:
+            # As the table's own title it would be wrapped at the width of a narrow table.
+            yield Text(self.content.caption, style="table.title")
         for columns in self.parts(options.max_width):
-            yield self._part(columns, caption, options.max_width)
-            caption = None
+            yield self._part(columns, options.max_width)
 
     def parts(self, width: int) -> list[list[int]]:
         """Returns the columns of each table."""
@@ -49,8 +50,8 @@ class TerminalTable:
             found[-1] = longer
         return found
 
-    def _part(self, columns: list[int], caption: str | None, width: int) -> Table:
-        table = Table(title=caption, title_justify="left", box=None, pad_edge=False)
+    def _part(self, columns: list[int], width: int) -> Table:
+        table = Table(box=None, pad_edge=False)
         widths = self._widths(columns, width)
         for column in columns:
             is_text = column < self.content.words

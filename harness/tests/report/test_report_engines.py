@@ -24,12 +24,17 @@ def both(tmp_path_factory: pytest.TempPathFactory) -> Results:
     return load(write_experiment(tmp_path_factory.mktemp("both"), runs))
 
 
-def shown(table: Table, width: int) -> list[str]:
-    """Returns the lines of a terminal of this width, without the caption."""
+def printed(table: Table, width: int) -> list[str]:
+    """Returns the lines of a terminal of this width."""
     console = Console(width=width, file=io.StringIO())
     console.print(table.rich())
     assert isinstance(console.file, io.StringIO)
-    lines = console.file.getvalue().splitlines()
+    return console.file.getvalue().splitlines()
+
+
+def shown(table: Table, width: int) -> list[str]:
+    """Returns the same without the caption."""
+    lines = printed(table, width)
     return lines[next(n for n, line in enumerate(lines) if line.startswith("sys")) :]
 
 
@@ -64,6 +69,12 @@ def test_long_names_are_folded_and_never_cut() -> None:
     folded = "".join(line[:-3].replace(" ", "") for line in lines[1:])
     assert folded == name.replace(" ", "")
     assert lines[1].endswith(" 1.0")
+
+
+def test_a_caption_has_the_width_of_the_terminal_and_is_no_markup() -> None:
+    caption = "A narrow table with a caption that is longer than its two columns [0, 56] [bold]."
+    table = Table("t", caption, ["system", "value"], [["name", "1.0"]])
+    assert printed(table, 100)[0] == caption
 
 
 def test_a_terminal_too_narrow_for_a_number_still_shows_it() -> None:
