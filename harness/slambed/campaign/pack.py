@@ -7,9 +7,12 @@ need only summaries and manifests, a few hundred bytes per run.
 
 import io
 import tarfile
+import tempfile
 import zlib
-from collections.abc import Iterator
+from collections import Counter
+from collections.abc import Collection, Iterator
 from contextlib import contextmanager
+from dataclasses import dataclass
 from lzma import LZMAError
 from pathlib import Path, PurePosixPath
 
@@ -19,19 +22,33 @@ from slambed.campaign.store import STORE, RunStore
 from slambed.errors import SlambedError, environment_error
 from slambed.files.atomic import replacing
 from slambed.files.json_file import object_of, read_object
+from slambed.metrics.collect import SOME_EVENTS, events_file, write_some_events
 
 NEEDED = ("manifest.json", "summary.json")
 """Files that prove that a run exists and hold all its metrics."""
 UNREADABLE = (tarfile.TarError, LZMAError, zlib.error, EOFError)
 
 
-def pack(results: Path, names: list[str], file: Path, whole: bool) -> tuple[int, int]:
-    """Writes the valid runs in the plans of these experiments; returns their number and the file
-    size.
+@dataclass(frozen=True)
+class Packed:
+    """What a packed file holds."""
+
+    runs: int
+    size_bytes: int
+    events: dict[str, int]
+    """Number of events of each type that was asked for."""
+
+
+def pack(
+    results: Path, names: list[str], file: Path, whole: bool, events: Collection[str] = ()
+) -> Packed:
+    """Writes the valid runs in the plans of these experiments. Runs that are not whole keep only
+    the `events` of these types.
 
     The output is reproducible: entries are sorted and have no times or owners.
 
-    Raises SlambedError for an unknown experiment or if the file cannot be written.
+    Raises SlambedError for an unknown experiment, for events that cannot be read, or if the file
+    cannot be written.
     """
     named = dict(plans(results))
     if missing := [name for name in names if name not in named]:
@@ -40,6 +57,7 @@ def pack(results: Path, names: list[str], file: Path, whole: bool) -> tuple[int,
     store = RunStore(results)
     wanted: set[str] = set().union(*(named[name] for name in names))
     keys = [key for key in sorted(wanted) if store.state(key) == "valid"]
+    counts = Counter(dict.fromkeys(events, 0))
     try:
         with replacing(file, durable=True) as partial, tarfile.open(partial, "w:xz") as out:
             for name in sorted(names):
@@ -49,10 +67,12 @@ def pack(results: Path, names: list[str], file: Path, whole: bool) -> tuple[int,
             for key in keys:
                 for path in _files(store.runs / key, whole):
                     _add(out, path, results)
+                if events and not whole:
+                    counts.update(_add_events(out, store.runs / key, events, results))
     except OSError as error:
         place = error.filename or file
         raise environment_error(f"cannot pack: {error.strerror}, {place}") from None
-    return len(keys), file.stat().st_size
+    return Packed(len(keys), file.stat().st_size, dict(counts))
 
 
 def unpack(file: Path, results: Path) -> tuple[int, int]:
@@ -122,9 +142,27 @@ def _files(run: Path, whole: bool) -> list[Path]:
     return sorted(p for p in run.rglob("*") if p.is_file() and not p.is_relative_to(drawn))
 
 
+def _add_events(
+    out: tarfile.TarFile, run: Path, types: Collection[str], root: Path
+) -> dict[str, int]:
+    """Adds the events of these types, and returns how many of each. A run without them, because it
+    was packed before, stays without."""
+    source = events_file(run, types)
+    if source is None:
+        return {}
+    with tempfile.TemporaryDirectory(prefix="slambed-pack.") as place:
+        some = Path(place) / SOME_EVENTS
+        counts = write_some_events(source, types, some)
+        _add_content(out, (run / SOME_EVENTS).relative_to(root).as_posix(), some.read_bytes())
+    return counts
+
+
 def _add(out: tarfile.TarFile, path: Path, root: Path) -> None:
-    content = path.read_bytes()
-    member = tarfile.TarInfo(path.relative_to(root).as_posix())
+    _add_content(out, path.relative_to(root).as_posix(), path.read_bytes())
+
+
+def _add_content(out: tarfile.TarFile, name: str, content: bytes) -> None:
+    member = tarfile.TarInfo(name)
     member.size = len(content)
     out.addfile(member, io.BytesIO(content))
 

@@ -64,6 +64,10 @@ def pack_command(
     whole: Annotated[
         bool, typer.Option("--whole", help="With events, samples and paths, not numbers only.")
     ] = False,
+    events: Annotated[
+        list[str] | None,
+        typer.Option("--events", help="Also keep events of this type; repeatable."),
+    ] = None,
     results: ResultsOption = RESULTS,
 ) -> None:
     """Write the valid runs of experiments into one small file: results and conditions."""
@@ -71,8 +75,10 @@ def pack_command(
     from slambed.campaign.size import plans
 
     _must_be_there(results)
-    runs, size = pack(results, names or [name for name, _ in plans(results)], output, whole)
-    typer.echo(f"{output}: {runs} runs, {size / 1e6:.2f} MB")
+    chosen = names or [name for name, _ in plans(results)]
+    done = pack(results, chosen, output, whole, sorted(set(events or [])))
+    kept = "".join(f", {count} events {kind}" for kind, count in done.events.items())
+    typer.echo(f"{output}: {done.runs} runs, {done.size_bytes / 1e6:.2f} MB{kept}")
 
 
 @app.command("unpack")

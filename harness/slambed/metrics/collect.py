@@ -3,7 +3,7 @@
 
 import json
 import shutil
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from pathlib import Path
 
 import pandas as pd
@@ -11,6 +11,7 @@ import pyarrow as pa
 import pyarrow.compute as pc
 import pyarrow.parquet as pq
 
+from slambed.errors import SlambedError
 from slambed.files.atomic import replacing
 from slambed.metrics.event_columns import (
     EXTRA_COLUMN,
@@ -24,6 +25,10 @@ from slambed.metrics.events import Event, EventLog, read_events, read_jsonl
 from slambed.older_names import FIELDS, OF_VALUES, event_today, types_then
 
 EVENTS = "events.parquet"
+SOME_EVENTS = "some_events.parquet"
+"""Events of some types, of a run that was packed without all of them."""
+TYPES_KEY = b"slambed_types"
+"""Metadata of SOME_EVENTS: the types that were asked for, also those that never happened."""
 
 
 def read_log(folder: Path) -> EventLog:
@@ -55,6 +60,39 @@ def stored_log(path: Path, types: Sequence[str] | None = None) -> EventLog:
             event |= json.loads(extra)
         events.append(event_today(event))
     return EventLog(events)
+
+
+def write_some_events(events: Path, types: Collection[str], target: Path) -> dict[str, int]:
+    """Writes the events of these types, for a file that is compressed as a whole; returns how many
+    there are of each. Raises SlambedError if the events cannot be read."""
+    try:
+        with pq.ParquetFile(events) as file:
+            table = file.read(use_threads=False)
+    except (OSError, pa.ArrowException) as error:
+        raise SlambedError(f"{events}: unreadable ({str(error).splitlines()[0]})") from None
+    table = table.filter(pc.is_in(table["type"], pa.array(types_then(types))))
+    filled = [name for name in table.column_names if table[name].null_count < len(table)]
+    # Without rows no column is filled, and readers look for this one.
+    kept = table.select([name for name in table.column_names if name in {"type", *filled}])
+    named = kept.replace_schema_metadata({TYPES_KEY: ",".join(sorted(types)).encode()})
+    pq.write_table(named, target, compression="none")
+    return {
+        kind: int(pc.sum(pc.is_in(kept["type"], pa.array(types_then([kind])))).as_py() or 0)
+        for kind in types
+    }
+
+
+def events_file(folder: Path, types: Collection[str]) -> Path | None:
+    """Returns the file of a result that has all its events of these types; None if they were not
+    kept."""
+    if (whole := folder / EVENTS).exists():
+        return whole
+    some = folder / SOME_EVENTS
+    try:
+        kept = (pq.read_schema(some).metadata or {}).get(TYPES_KEY, b"").decode().split(",")
+    except (OSError, pa.ArrowException):
+        return None
+    return some if set(types) <= set(kept) else None
 
 
 def events_today(table: pd.DataFrame) -> pd.DataFrame:

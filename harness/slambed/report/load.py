@@ -17,7 +17,7 @@ from slambed.data.trajectory import Trajectory, read_tum
 from slambed.errors import SlambedError
 from slambed.files.json_file import object_or_empty
 from slambed.metrics.catalog import SUMMARY_KEYS, metric, metrics_of, own_of
-from slambed.metrics.collect import events_today, stored_log
+from slambed.metrics.collect import events_file, events_today, stored_log
 from slambed.metrics.declared import described_by
 from slambed.metrics.events import EventLog
 from slambed.metrics.metric import Metric
@@ -117,10 +117,10 @@ class Results:
         return events_today(table) if name == "events" else table
 
     def events(self, run_key: str, kinds: tuple[str, ...]) -> EventLog | None:
-        """Returns the stored events of these types; None if the file is missing or (with a problem)
-        unreadable."""
-        path = self.run_dir(run_key) / "events.parquet"
-        if not path.exists():
+        """Returns the stored events of these types; None if they were not kept or (with a problem)
+        are unreadable."""
+        path = events_file(self.run_dir(run_key), kinds)
+        if path is None:
             return None
         log = stored_log(path, kinds)
         for line in log.problems:

@@ -5,6 +5,8 @@ import json
 import tarfile
 from pathlib import Path
 
+import pyarrow as pa
+import pyarrow.parquet as pq
 import pytest
 from command_line import refused, slambed
 from harness_parts import specs
@@ -12,6 +14,7 @@ from harness_parts import specs
 from slambed.campaign.folder import ResultFolder
 from slambed.campaign.status import status_of
 from slambed.errors import ExitCode
+from slambed.metrics.collect import events_file, is_stored, stored_log
 from slambed.spec.run_spec import RunSpec
 
 
@@ -89,6 +92,37 @@ def test_whole_runs_have_their_events(packed: Path, tmp_path: Path) -> None:
     assert "5 runs, 5 of them new" in unpack(file, tmp_path / "there")
     for run in (tmp_path / "there" / "runs").iterdir():
         assert (run / "events.parquet").read_bytes() == b"events"
+
+
+def test_some_events_are_kept_and_packed_again(tmp_path: Path) -> None:
+    here, there = tmp_path / "here", tmp_path / "there"
+    experiment(here, "tiny", specs(cells=1, runs=2))
+    rows = [
+        {"t_ns": 1, "type": "frame_tracked", "frame": 1, "keyframe": None},
+        {"t_ns": 2, "type": "keyframe_sent", "keyframe": 7},
+    ]
+    for run in (here / "runs").iterdir():
+        pq.write_table(pa.Table.from_pylist(rows), run / "events.parquet")
+    asked = ("--events", "keyframe_sent", "--events", "loop_closed")
+    for results in (here, there):
+        file = tmp_path / f"{results.name}.tar.xz"
+        code, out, err = slambed("results", "pack", *asked, "-o", str(file), *of(results))
+        assert code == ExitCode.OK, err
+        assert "2 runs" in out and ", 2 events keyframe_sent, 0 events loop_closed" in out
+        unpack(file, there)
+    assert (tmp_path / "here.tar.xz").read_bytes() == (tmp_path / "there.tar.xz").read_bytes()
+    (run, _) = sorted((there / "runs").iterdir())
+    source = events_file(run, ["keyframe_sent", "loop_closed"])
+    assert source is not None
+    assert [e["keyframe"] for e in stored_log(source, ["keyframe_sent"]).events] == [7]
+    assert stored_log(source, ["loop_closed"]).events == []
+    assert events_file(run, ["frame_tracked"]) is None and not is_stored(run)
+
+
+def test_events_that_cannot_be_read_are_named(packed: Path, tmp_path: Path) -> None:
+    asked = ("pack", "tiny", "--events", "loop_closed", "-o", str(tmp_path / "new.tar.xz"))
+    line = refused(ExitCode.BAD_INPUT, "results", *asked, *of(tmp_path / "here"))
+    assert "events.parquet: unreadable" in line and not (tmp_path / "new.tar.xz").exists()
 
 
 def test_what_is_there_and_valid_stays(packed: Path, tmp_path: Path) -> None:
