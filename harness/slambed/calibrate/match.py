@@ -106,6 +106,12 @@ class Fit:
                     f"component {component.name}: device {device.name} has no stage "
                     f"{min(missing)} to scale; write its cost first"
                 )
+        for role, fitted in self.targets.devices.items():
+            model = self._base[role].model
+            if missing := set(fitted.threads) - set(model.stages if model else {}):
+                raise SlambedError(
+                    f"threads: device {self._base[role].name} has no stage {min(missing)}"
+                )
 
     def _stages_kept(self, role: Role) -> dict[str, StageCost]:
         fitted = self.targets.devices[role]
@@ -151,7 +157,8 @@ class Fit:
                 raise SlambedError(
                     f"device {name} has no cost model whose stages could be replaced"
                 )
-            found[name] = other.model_copy(update={"stages": own.stages})
+            stages = in_threads(own.stages, fitted.threads, other.cores)
+            found[name] = other.model_copy(update={"stages": stages})
         return found
 
     def error_percent(self, component: str, condition: str) -> float:
@@ -247,6 +254,18 @@ class Fit:
             )
             for role, fitted in self.targets.devices.items()
         }
+
+
+def in_threads(
+    stages: Mapping[str, StageCost], threads: Mapping[str, int], cores: int
+) -> dict[str, StageCost]:
+    """Returns the costs on a machine with so many cores, of stages that were fitted on one."""
+    shared = {
+        name: scaled(stages[name], 1 / count, stages[name].jitter)
+        for name, count in threads.items()
+        if cores >= count
+    }
+    return {**stages, **shared}
 
 
 def experiment_on(targets: Targets, dataset: str) -> Experiment:

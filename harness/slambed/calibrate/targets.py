@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """catalog/devices/fits/*.yaml: the times that a paper prints for devices, and their stages."""
 
+from typing import Annotated
+
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 
 from slambed.spec.experiment import LinkChoice, Playback, SystemChoice
@@ -27,6 +29,9 @@ class FittedDevice(BaseModel):
     also: list[str] = Field(default_factory=list)
     """Further device files that get the same stages, with their own cores and speed: other
     machines of the paper without printed times."""
+    threads: dict[str, Annotated[int, Field(ge=1)]] = Field(default_factory=dict)
+    """Stages that the original runs in several threads at once, and how many. Devices of `also`
+    with as many cores take that fraction of the fitted time, which is of one core."""
     given: bool = False
     """True for a device that the runs use unchanged; it is neither fitted nor written."""
 
