@@ -321,7 +321,8 @@ def circumstance(
         span = f"{min(counts)}" if min(counts) == max(counts) else f"{min(counts)} to {max(counts)}"
         parts.append(f"{span} runs per number")
     plan = read_plan(paper.id)
-    lines = plan_lines(paper, plan, column, used)
+    played = {r.name for r in experiments if (r.valid_runs["engine"] == column.engine).any()}
+    lines = plan_lines(paper, plan, column, used, played)
     parts.append(plan_words(lines, plan, bool(engine)))
     return Circumstance(
         engine,

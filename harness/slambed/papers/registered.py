@@ -2,7 +2,7 @@
 """Checks results against the plan that was written before them (papers/<id>/plan.yaml)."""
 
 from collections import Counter
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 from datetime import UTC, datetime
 
@@ -23,10 +23,14 @@ class PlanLine:
 
 
 def plan_lines(
-    paper: Paper, plan: PaperPlan | None, column: Column, used: list[Results]
+    paper: Paper,
+    plan: PaperPlan | None,
+    column: Column,
+    used: list[Results],
+    played: Collection[str] = (),
 ) -> list[PlanLine]:
     """Returns sentences about the plan of the runs in `column`, which come from the experiments
-    `used`."""
+    `used`; `played` has the names of all experiments with runs."""
     own = _own(column, used)
     if plan is None:
         seen = written_in(own, f"plan.{paper.id}")
@@ -70,11 +74,13 @@ def plan_lines(
             if results.expected and results.expected > len(results.runs):
                 text += f" ({len(results.runs)} of {results.expected} runs of it are there)"
             found.append(PlanLine(f"{text}.", bad=True))
-    found += [
-        PlanLine(f"{name}: nothing played, {item.runs} runs a cell were planned.", bad=True)
-        for name, item in planned.items()
-        if column.engine == plan.engine and name not in {results.name for results in used}
-    ]
+    for name, item in planned.items():
+        if column.engine != plan.engine or name in {results.name for results in used}:
+            continue
+        text = f"nothing played, {item.runs} runs a cell were planned"
+        if name in played:
+            text = "played, but no number could be taken from its runs"
+        found.append(PlanLine(f"{name}: {text}.", bad=True))
     return found + _devices(plan, column.runs)
 
 

@@ -116,6 +116,9 @@ def test_what_was_not_as_planned_is_reported(dynnetslam: Paper) -> None:
     assert bad(dynnetslam, wanted, results(plan=wanted)) == [
         "not_begun: nothing played, 30 runs a cell were planned."
     ]
+    column = compare_paper(dynnetslam, pool_of([one]), []).columns[0]
+    lines = plan_lines(dynnetslam, wanted, column, [results(plan=wanted)], {"not_begun"})
+    assert lines[-1].text == "not_begun: played, but no number could be taken from its runs."
     other = plan_of(dynnetslam, devices={"mobile": "jetson"})
     reported = bad(dynnetslam, other, results(plan=other))
     assert reported == ["The mobile was pi in 50 of 50 runs (made_up), jetson was planned."]
