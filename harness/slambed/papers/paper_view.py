@@ -268,6 +268,9 @@ def is_generated(dataset: str) -> bool:
 def _outcomes(items: list[JudgedOrdering]) -> str:
     """Returns `11 of 24 orderings hold, 2 are reversed, 11 cannot be told`."""
     counts = Counter(outcome_of(item) for item in items)
+    if len(counts) == 1 and not counts["hold"]:
+        (group,) = counts
+        return f"{_many(len(items), 'ordering')} {OUTCOME_WORDS[group][len(items) > 1]}"
     rest = [
         f"{counts[group]} {words[counts[group] > 1]}"
         for group, words in OUTCOME_WORDS.items()
