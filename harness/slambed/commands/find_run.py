@@ -28,6 +28,12 @@ def find_run(run: str, results: Path) -> Path:
         if found:
             names = ", ".join(list(found)[:5])
             raise SlambedError(f"run '{run}' is not clear, {results}: {names}; give more digits")
+    if keys := sorted(path.name for path in results.glob(f"{run}/runs/*")):
+        raise SlambedError(
+            f"{run} is an experiment; give one of its runs, such as {keys[0]} (all are in "
+            f"{results / run}/summary.csv)"
+        )
     raise SlambedError(
-        f"no run '{run}' in {results}; give a run folder or at least {LEAST_DIGITS} digits of a key"
+        f"no run '{run}' in {results}; give a run folder or at least {LEAST_DIGITS} digits of a "
+        "key (column run_key of an experiment's summary.csv)"
     )

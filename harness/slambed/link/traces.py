@@ -136,7 +136,8 @@ def _check(path: Path, times: np.ndarray, values: np.ndarray, description: Trace
         start = times[bad[0]] + description.start_s
         raise SlambedError(
             f"gap of {steps[bad[0]]:.1f} s in the trace at {start:.1f} s, longer than "
-            f"{longest_s:g} s, {path}; choose another window (start_s, length_s) or raise max_gap_s"
+            f"{longest_s:g} s, {path}; choose another window (start_s, length_s), or raise "
+            "max_gap_s and add a true outage under gaps"
         )
 
 

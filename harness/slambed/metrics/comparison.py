@@ -141,8 +141,8 @@ def power_hint(runs: int, share: float = 0.03) -> str:
     least = smallest_distinguishable_share(share, runs)
     if least is None:
         return (
-            f"With {runs} runs per cell, {share:.0%} of losses cannot be told from any larger "
-            "share."
+            f"{runs} runs per cell are too few to tell shares of losses apart, not even "
+            f"{share:.0%} from 100 %."
         )
     return (
         f"{runs} runs per cell distinguish {share:.0%} of losses from {least:.0%} or more "

@@ -41,6 +41,8 @@ class ComputeTime:
     """On a real board, not on this host."""
     model_ms: float | None
     """What the device's cost model charges for the same work; None without one."""
+    unknown: tuple[str, ...] = ()
+    """Systems on it that report no stages, such as a user's own."""
 
     @property
     def ratio(self) -> float | None:
@@ -61,12 +63,22 @@ class ComputeTime:
             f"the device: extraction and tracking took {self.ran_ms:.1f} ms per frame (measured), "
             f"its cost model says {self.model_ms:.1f} ms"
         )
-        return f"{measured}. " + (
-            "Frames dropped, tracks lost and CPU use are those of this host, not of the device. "
-            "Write 'pace: device' into the experiment, or give --set pace=device to 'slambed run "
-            f"{name}': every stage then takes what the model charges"
-            if fast
-            else "This host is too slow for it, or too busy: take another one, or --engine virtual"
+        if not fast:
+            return (
+                f"{measured}. This host is too slow for it, or too busy: take another one, or "
+                "--engine virtual"
+            )
+        measured += (
+            ". Frames dropped, tracks lost and CPU use are those of this host, not of the device"
+        )
+        if self.unknown:
+            return (
+                f"{measured}. {', '.join(self.unknown)}: no stages are reported, so 'pace: device' "
+                "cannot hold it up; work that a CPU limit slows down counts more for a slow system"
+            )
+        return (
+            f"{measured}. Write 'pace: device' into the experiment, or give --set pace=device to "
+            f"'slambed run {name}': every stage then takes what the model charges"
         )
 
     def line(self) -> str:
@@ -110,13 +122,15 @@ def compute_times(results: Results) -> list[ComputeTime]:
         model = _model(str(device))
         ran: list[float] = []
         charged: list[float] = []
-        for _, own in rows.groupby("label", sort=False):
+        unknown: list[str] = []
+        for label, own in rows.groupby("label", sort=False):
             log = results.events(str(own["run_key"].iloc[0]), ("stage", "frame_tracked"))
             frames = len(log.of("frame_tracked")) if log is not None else 0
             if log is None or not frames:
                 continue
             stages = [e for e in log.of("stage", node="mobile") if e.get("name") in STAGES]
             if not stages:
+                unknown.append(str(label))
                 continue
             ran.append(fsum(float(e.get("wall_ms") or 0.0) for e in stages) / frames)
             if model is not None:
@@ -125,7 +139,7 @@ def compute_times(results: Results) -> list[ComputeTime]:
             model_ms = (float(np.median(charged)) or None) if charged else None
             ran_ms = float(np.median(ran))
             kind = (bool(virtual), bool(paced), ran_ms, bool(board))
-            found.append(ComputeTime(str(device), *kind, model_ms))
+            found.append(ComputeTime(str(device), *kind, model_ms, tuple(unknown)))
     return found
 
 

@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Loads a results folder; damaged, missing or unknown files become lines in `problems`."""
 
+import re
 from collections import Counter
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
@@ -365,7 +366,7 @@ def _in_order(runs: pd.DataFrame, spec: dict[str, Any]) -> pd.DataFrame:
             "dataset": runs["dataset"].map(_rank(_names(spec.get("datasets"), "id"))),
             "profile": runs["profile"].map(_rank(_profile_names(spec))),
             "label": runs["label"].map(_rank(_names(spec.get("systems"), "label", "system"))),
-            "cell": runs["cell"],
+            "cell": runs["cell"].map(_rank([])),
             "engine": runs["engine"],
             "repetition": runs["repetition"],
         }
@@ -403,15 +404,25 @@ def _names(items: object, *keys: str) -> list[str]:
     return found
 
 
-def _rank(names: list[str]) -> Callable[[object], tuple[int, str]]:
-    """Returns a sort key: the position in the list, then other names by alphabet."""
+Rank = tuple[int, tuple[tuple[float, str], ...]]
+
+
+def _rank(names: list[str]) -> Callable[[object], Rank]:
+    """Returns a sort key: the position in the list, then other names, such as those of a grid, by
+    their numbers and letters: rtt_40 before rtt_160."""
     position = {name: index for index, name in enumerate(names)}
 
-    def rank(value: object) -> tuple[int, str]:
+    def rank(value: object) -> Rank:
         text = "" if value is None or value != value else str(value)
-        return position.get(text, len(position) if text else -1), text
+        return position.get(text, len(position) if text else -1), _parts(text)
 
     return rank
+
+
+def _parts(text: str) -> tuple[tuple[float, str], ...]:
+    """Returns numbers and the text between them, to compare names part by part."""
+    parts = re.split(r"(\d+(?:\.\d+)?)", text)
+    return tuple((float(p), "") if i % 2 else (-1.0, p) for i, p in enumerate(parts))
 
 
 def _stand_ins(experiment: dict[str, Any]) -> str:

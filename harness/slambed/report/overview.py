@@ -13,7 +13,7 @@ from slambed.report.cells import number, text
 from slambed.report.conditions import median_run
 from slambed.report.load import Results
 from slambed.report.time_lanes import TimeLanes
-from slambed.report.timeline import FAULTS, largest, measured_rtt, state_lane
+from slambed.report.timeline import FAULTS, known_rtt, largest, state_lane
 
 MOST_STRIPS = 8
 """Most runs in a picture: about what a screen shows."""
@@ -137,21 +137,22 @@ def _strip(results: Results, cell: pd.DataFrame) -> Strip | None:
 
 
 def _rtt(lanes: TimeLanes, results: Results, profile: str, strips: list[Strip]) -> None:
-    """Draws the round-trip time of a link: as asked, and as measured in the first run that was."""
+    """Draws the round-trip time of a link: as asked, and as known in the first run that has it."""
     for strip in strips:
         link = results.table(strip.key, "link")
         if link is None:
             continue
-        asked, measured = series(link, "asked_rtt_ms"), measured_rtt(link, strip.events)
-        both = pd.concat([part for part in (asked, measured) if len(part)] or [asked])
+        asked = series(link, "asked_rtt_ms")
+        source, known = known_rtt(link, strip.events)
+        both = pd.concat([part for part in (asked, known) if len(part)] or [asked])
         if not len(both) or both["value"].max() < LEAST_RTT_MS:
             continue
         most = ROOM * largest(both["value"])
-        name = "RTT asked (line), measured (dots)" if len(measured) else "RTT asked"
+        name = f"RTT asked (line), {source} (dots)" if len(known) else "RTT asked"
         lanes.name(f"{profile}: {name}", right=f"0 to {shown(most)} ms")
         if len(asked):
             lanes.curve(asked, RTT_HEIGHT, most, f"RTT of {profile}, asked", "ms")
-        lanes.dots(measured, RTT_HEIGHT, most, "RTT measured:")
+        lanes.dots(known, RTT_HEIGHT, most, f"RTT {source}:")
         lanes.base(RTT_HEIGHT)
         lanes.gap(GAP)
         return

@@ -22,8 +22,10 @@ def timeline_svg(results: Results, run_key: str, link: str = "") -> str | None:
     lanes.name("state")
     state_lane(lanes, events, STATE_HEIGHT, link)
     table = results.table(run_key, "link")
-    if table is not None and len(rtt := measured_rtt(table, events)):
-        _curve(lanes, rtt, "RTT, measured", "ms")
+    if table is not None:
+        source, rtt = known_rtt(table, events)
+        if len(rtt):
+            _curve(lanes, rtt, f"RTT, {source}", "ms")
     samples = results.table(run_key, "samples")
     if samples is not None:
         own = samples[samples["node"] == "mobile"].rename(columns={"cpu_percent": "value"})
@@ -50,13 +52,15 @@ def state_lane(lanes: TimeLanes, events: pd.DataFrame, height: int, link: str = 
     lanes.gap(MARKS_HEIGHT)
 
 
-def measured_rtt(link: pd.DataFrame, events: pd.DataFrame) -> pd.DataFrame:
-    """Returns the RTT of the probe, else what the mobile node knew: virtual runs have no probe."""
+def known_rtt(link: pd.DataFrame, events: pd.DataFrame) -> tuple[str, pd.DataFrame]:
+    """Returns the RTT with its source: measured by the probe, else smoothed by the mobile's TCP.
+    Virtual runs have no probe."""
     probe = series(link, "probe_rtt_ms")
     own = events[(events["type"] == "rtt_sample") & (events["node"] == "mobile")]
     if len(probe) or "rtt_ms" not in own:
-        return probe
-    return pd.DataFrame({"t_s": own["t_ns"] / 1e9, "value": own["rtt_ms"].astype(float)}).dropna()
+        return "measured", probe
+    known = pd.DataFrame({"t_s": own["t_ns"] / 1e9, "value": own["rtt_ms"].astype(float)})
+    return "smoothed by TCP", known.dropna()
 
 
 def times_of(events: pd.DataFrame, kind: str) -> list[float]:

@@ -15,7 +15,7 @@ TEXT: Schema = {"type": "string"}
 SIDE_MEANINGS = {
     "jitter": "extra delay per packet, of both directions",
     "loss": "packets dropped at random, of both directions",
-    "rate": "bottleneck of each direction",
+    "rate": "bottleneck of each direction; not given: no limit",
 }
 
 
@@ -95,13 +95,15 @@ def profile_definitions() -> dict[str, Schema]:
                 number_or_null,
             ),
             "rtt_ms": _means("RTT over run time; or give `one_way_ms`", CURVE),
-            "one_way_ms": _means("delay of each direction over run time", ways),
+            "one_way_ms": _means(
+                "delay of each direction, a curve each under `up` and `down`", ways
+            ),
             "up_share": _means(
                 "share of `rtt_ms` on the way from mobile to edge; not given: 0.5", share
             ),
             **{kind: _means(SIDE_MEANINGS[kind], schema) for kind, schema in sides.items()},
-            "up": _means("mobile to edge: jitter, loss and rate of its own", side),
-            "down": _means("edge to mobile: jitter, loss and rate of its own", side),
+            "up": _means("mobile to edge: its own `jitter`, `loss` and `rate`", side),
+            "down": _means("edge to mobile: its own `jitter`, `loss` and `rate`", side),
             "gaps": _means(
                 "outages of both directions", _or_null({"type": "array", "items": _ref("Gap")})
             ),

@@ -2,6 +2,7 @@
 """Results of several engines: the order of their rows, and tables wider than the terminal."""
 
 import io
+from pathlib import Path
 
 import pytest
 from results_factory import RawRun, spec_of, write_experiment
@@ -81,3 +82,10 @@ def test_a_terminal_too_narrow_for_a_number_still_shows_it() -> None:
     table = Table("t", "", ["system", "value"], [["name", "123456.789"]])
     digits = [line.split()[-1] for line in shown(table, 10) if line[-1:].isdigit()]
     assert "".join(digits) == "123456.789"
+
+
+def test_links_of_a_grid_are_in_the_order_of_their_numbers(tmp_path: Path) -> None:
+    profiles = ("rtt_160", "rtt_40", "rtt_0", "rtt_7.5")
+    runs = [(spec_of("edgeslam", "static", name, 0), RawRun(duration_s=4.0)) for name in profiles]
+    found = load(write_experiment(tmp_path, runs)).runs["profile"]
+    assert list(found) == ["rtt_0", "rtt_7.5", "rtt_40", "rtt_160"]

@@ -5,6 +5,7 @@ import html
 import io
 import json
 import re
+from dataclasses import replace
 from pathlib import Path
 
 import matplotlib
@@ -19,7 +20,7 @@ from rich.console import Console
 from slambed.commands.find_run import find_run
 from slambed.data.trajectory import Trajectory, read_tum
 from slambed.explain.view import view_of, write_png
-from slambed.report.compute_times import compute_times
+from slambed.report.compute_times import ComputeTime, compute_times
 from slambed.report.conditions import conditions_of
 from slambed.report.differences import difference_table, differences
 from slambed.report.experiment import terminal_summary, write_report
@@ -56,6 +57,13 @@ def test_a_device_that_is_two_machines_is_said_to_be(tmp_path: Path) -> None:
     assert "two machines" not in " ".join(setup_of(slow))
     virtual = on_a_pi(tmp_path / "c", 40.0, engine="virtual")
     assert "are those of its cost model" in " ".join(setup_of(virtual))
+
+
+def test_a_system_that_nothing_can_hold_up_is_not_told_to_be_held_up() -> None:
+    known = ComputeTime("raspberry_pi_4", False, False, 5.0, False, 40.0)
+    assert "--set pace=device" in str(known.warning("mine"))
+    beside = str(replace(known, unknown=("my SLAM",)).warning("mine"))
+    assert "--set pace" not in beside and "my SLAM: no stages are reported" in beside
 
 
 @pytest.mark.parametrize(
