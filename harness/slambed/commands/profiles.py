@@ -16,10 +16,6 @@ from slambed.files.outputs import figure_file
 from slambed.terminal import JsonOption, console, lists_alone, print_json
 
 if TYPE_CHECKING:
-    import numpy as np
-    from numpy.typing import NDArray
-
-    from slambed.link.impairments import Side
     from slambed.link.profile import Profile
 
 app = typer.Typer(help="Link profiles: how latency, loss and rate change.")
@@ -27,7 +23,6 @@ app = typer.Typer(help="Link profiles: how latency, loss and rate change.")
 ROWS = 12
 CROSSING_MS = 40.0
 """DynNetSLAM's offloading limit L_OL."""
-STEP_S = 0.01
 LEAST_SHOWN_S, MOST_SHOWN_S = 0.1, 86_400.0
 
 
@@ -60,6 +55,7 @@ SetOption = Annotated[list[str] | None, typer.Option("--set", help="Parameter: n
 def list_profiles(as_json: JsonOption = False) -> None:
     """List every profile that has a file."""
     from slambed.link.profile import load_profile, profile_names
+    from slambed.link.summary import rtt_words
 
     if as_json:
         print_json([_entry(name) for name in profile_names()])
@@ -71,10 +67,8 @@ def list_profiles(as_json: JsonOption = False) -> None:
         except SlambedError as error:
             table.add_row(name, "-", "-", f"not usable here: {error}")
             continue
-        low, high = _range(profile)
-        rtt = f"{low:g}" if low == high else f"{low:.4g} to {high:.4g}"
         length = "for ever" if not profile.duration else f"{profile.duration:g}"
-        table.add_row(name, rtt, length, profile.description)
+        table.add_row(name, rtt_words(profile), length, profile.description)
     screen = console()
     screen.print(table)
     screen.print("values over time, with a picture: 'slambed profiles show NAME'")
@@ -91,7 +85,8 @@ def show(
     """Print a profile's values over time and plot them."""
     import numpy as np
 
-    from slambed.link.plots import length_s, plot_profile, span_s
+    from slambed.link.plots import plot_profile, span_s
+    from slambed.link.summary import length_s
 
     if until_s is not None and not LEAST_SHOWN_S <= until_s <= MOST_SHOWN_S:
         raise SlambedError(
@@ -130,9 +125,11 @@ def _entry(name: str) -> dict[str, object]:
 
 def _facts(profile: Profile) -> dict[str, object]:
     """Returns the profile's content and derived values, for scripts."""
+    from slambed.link.summary import rtt_range_ms
+
     return {
         "name": profile.name, "description": profile.description, "source": profile.source,
-        "duration_s": profile.duration, "rtt_range_ms": _range(profile),
+        "duration_s": profile.duration, "rtt_range_ms": rtt_range_ms(profile),
         "up": profile.up.model_dump(mode="json"), "down": profile.down.model_dump(mode="json"),
         "definition": dict(profile.content),
     }  # fmt: skip
@@ -154,49 +151,21 @@ def _heading(profile: Profile, params: dict[str, float]) -> list[str]:
     return [line for line in lines if line]
 
 
-def _range(profile: Profile) -> tuple[float, float]:
-    from slambed.link.plots import length_s
-
-    values = profile.rtt_series_ms(_times(length_s(profile)))
-    return float(values.min()), float(values.max())
-
-
-def _times(end_s: float) -> NDArray[np.float64]:
-    """Returns the times at which a profile is summarized, its end included."""
-    import numpy as np
-
-    return np.append(np.arange(0.0, end_s, STEP_S), end_s)
-
-
 def facts(profile: Profile, end_s: float) -> list[str]:
     """Returns what a table of samples does not show: range, impairments and gaps."""
     import numpy as np
 
-    rtt = profile.rtt_series_ms(_times(end_s))
+    from slambed.link.summary import impairments, outages, summary_times
+
+    rtt = profile.rtt_series_ms(summary_times(end_s))
     # Each value stands for the step after it, so the one at the end is not part of the mean.
     lines = [f"RTT: mean {rtt[:-1].mean():.2f} ms, {rtt.min():.2f} to {rtt.max():.2f} ms"]
     crossings = int(np.count_nonzero(np.diff(rtt > CROSSING_MS)))
     if crossings:
         lines.append(f"crosses {CROSSING_MS:g} ms {crossings} times in {end_s:.0f} s")
     for name, side in (("up", profile.up), ("down", profile.down)):
-        lines += [f"{name}: {text}" for text in _impairments(side)]
-    for gap in profile.gaps:
-        again = f", every {gap.every_s:g} s" if gap.every_s else ""
-        what = "waits" if profile.gap_mode == "hold" else "is dropped"
-        lines.append(f"silence of {gap.length_s:g} s at {gap.start_s:g} s{again}; traffic {what}")
-    return lines
-
-
-def _impairments(side: Side) -> list[str]:
-    lines = []
-    if side.rate is not None:
-        lines.append(f"rate {side.rate.trace or f'{side.rate.mbps:g} Mbit/s'}")
-    if side.jitter is not None:
-        size = side.jitter.sd_ms or side.jitter.mean_ms
-        lines.append(f"{side.jitter.shape} jitter {size:g} ms")
-    if side.loss is not None:
-        lines.append(f"loss {side.loss.mean():.3%}")
-    return lines
+        lines += [f"{name}: {text}" for text in impairments(side)]
+    return lines + outages(profile)
 
 
 lists_alone(app, list_profiles)

@@ -11,6 +11,7 @@ from matplotlib.figure import Figure
 
 from slambed.files.outputs import writing
 from slambed.link.profile import Profile
+from slambed.link.summary import length_s
 from slambed.link.traces import MAHIMAHI_PACKET_BITS
 
 ASKED, APPLIED, MEASURED, TCP = "#555555", "#D55E00", "#0072B2", "#009E73"
@@ -18,20 +19,9 @@ SIZE_IN = (8.0, 3.2)
 DPI = 150
 LINKS_DPI = 80
 """Lower resolution for plots with thousands of points, so that files stay small."""
-DEFAULT_SPAN_S = 30.0
-"""Described range of a constant profile."""
-ENDLESS_SPAN_S = 120.0
-"""Described range of a profile that never settles."""
 POINTS = 4000
 COLUMNS = 2
 ERROR_SPAN_MS = 1.0
-
-
-def length_s(profile: Profile) -> float:
-    """Returns the length of the profile that a summary describes; of a constant profile and of one
-    that never settles a usual length."""
-    end = ENDLESS_SPAN_S if profile.duration is None else profile.duration
-    return end or DEFAULT_SPAN_S
 
 
 def span_s(profile: Profile) -> float:

@@ -27,6 +27,7 @@ from slambed.report.setup import NO_LIMITS, is_virtual, setup_lines
 from slambed.report.style import FORMATS
 from slambed.report.tables import (
     Table,
+    asked_links,
     cell_tables,
     limits_table,
     link_table,
@@ -111,6 +112,7 @@ def write_report(
         tables=summary.tables,
         differences=difference_tables(results),
         comparisons=summary.comparisons,
+        links=asked_links(results),
         link=link_table(results),
         limits=limits_table(results),
         figures=drawn.figures,
@@ -119,7 +121,7 @@ def write_report(
     )
     tables = [
         content.settings, *content.tables, *content.differences, *content.comparisons,
-        content.link, content.limits,
+        content.links, content.link, content.limits,
     ]  # fmt: skip
     write_tables(tables, folder / "tables")
     html = write_html(results, content, folder)
@@ -168,7 +170,7 @@ def _markdown(results: Results, content: PageContent) -> str:
         ("Tables", content.tables),
         ("Beside published figures", content.comparisons),
         ("Differences", content.differences),
-        ("Link and limits", [content.link, content.limits]),
+        ("Link and limits", [content.links, content.link, content.limits]),
     ):
         shown = [table for table in tables if table.rows]
         if shown:

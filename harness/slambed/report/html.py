@@ -43,6 +43,7 @@ class PageContent:
     tables: list[Table]
     differences: list[Table]
     comparisons: list[Table]
+    links: Table
     link: Table
     limits: Table
     figures: list[SavedFigure]
@@ -98,6 +99,7 @@ def write_html(results: Results, content: PageContent, folder: Path) -> Path:
         script=Markup(page_script()),
         left_out=content.left_out,
         empty=content.empty,
+        links=content.links,
         link=content.link,
         limits=content.limits,
         no_limits=NO_LIMITS if is_virtual(results.runs) else "No limits were recorded.",

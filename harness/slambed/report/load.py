@@ -62,6 +62,8 @@ class Results:
     """Runs the experiment asks for, when known."""
     spec: dict[str, Any] = field(default_factory=dict)
     """The experiment file as run, if it was stored."""
+    links: dict[str, dict[str, Any]] = field(default_factory=dict)
+    """Name of a link profile -> its content as played."""
     played_instead: str = ""
     """Which sequences were played instead of the requested ones, as in `title`; empty without."""
     refused: list[str] = field(default_factory=list)
@@ -201,6 +203,7 @@ def load(folder: Path) -> Results:
         limits=pd.DataFrame(limits),
         expected=len(planned) or None,
         spec=spec,
+        links=_links(planned),
     )
     _refuse_mixtures(results)
     _report_missing(results, planned)
@@ -383,6 +386,15 @@ def _side_by_side(runs: pd.DataFrame) -> pd.DataFrame:
     paced = runs["pace"].eq(DEVICE_PACE).map({True: ", device's pace", False: ""})
     suffix = " (" + runs["engine"].astype(str) + paced + ")"
     return runs.assign(label=runs["label"] + suffix, cell=runs["cell"] + suffix)
+
+
+def _links(planned: list[dict[str, Any]]) -> dict[str, dict[str, Any]]:
+    found: dict[str, dict[str, Any]] = {}
+    for run in planned:
+        link = run.get("link")
+        if isinstance(link, dict) and isinstance(link.get("content"), dict):
+            found.setdefault(str(link.get("profile")), link["content"])
+    return found
 
 
 def _profile_names(spec: dict[str, Any]) -> list[str]:

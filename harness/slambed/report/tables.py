@@ -10,6 +10,8 @@ from rich.console import RenderableType
 
 from slambed.errors import SlambedError
 from slambed.files.outputs import writing
+from slambed.link.profile import parse_profile
+from slambed.link.summary import impairments, outages, rtt_words
 from slambed.metrics.metric import Metric
 from slambed.metrics.statistics import Interval
 from slambed.report.cells import Cell
@@ -140,6 +142,24 @@ def cell_tables(cells: list[Cell], metrics: list[Metric], per_table: int = 5) ->
             )
         )
     return tables
+
+
+def asked_links(results: Results) -> Table:
+    """Returns what the profile of each link asks for."""
+    rows: list[list[str]] = []
+    for name in dict.fromkeys(results.runs["profile"].dropna()):
+        if (content := results.links.get(name)) is None:
+            continue
+        try:
+            profile = parse_profile(content, name)
+        except SlambedError:  # a trace that is not on this machine
+            rows.append([name, *["-"] * 4])
+            continue
+        ways = ["; ".join(impairments(side)) or "no limit" for side in (profile.up, profile.down)]
+        silence = "; ".join(outages(profile)) or "none"
+        rows.append([name, rtt_words(profile), *ways, silence])
+    headings = ["link", "RTT [ms]", "up", "down", "outages"]
+    return Table("links", "The links, as asked", headings, rows, words=len(headings))
 
 
 def link_table(results: Results) -> Table:

@@ -2,6 +2,7 @@
 """Results of several engines: the order of their rows, and tables wider than the terminal."""
 
 import io
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -10,7 +11,7 @@ from rich.console import Console
 
 from slambed.report.load import Results, load
 from slambed.report.rounds import update_round_tables
-from slambed.report.tables import Table
+from slambed.report.tables import Table, asked_links
 
 
 @pytest.fixture(scope="module")
@@ -82,6 +83,25 @@ def test_a_terminal_too_narrow_for_a_number_still_shows_it() -> None:
     table = Table("t", "", ["system", "value"], [["name", "123456.789"]])
     digits = [line.split()[-1] for line in shown(table, 10) if line[-1:].isdigit()]
     assert "".join(digits) == "123456.789"
+
+
+def test_a_report_says_what_each_link_was(both: Results) -> None:
+    content = {
+        "rtt_ms": {"points": [[0, 0], [10, 85]]},
+        "loss": {"random": 0.01},
+        "up": {"rate": {"mbps": 4, "queue_bytes": 65536}},
+        "gaps": [{"start_s": 5, "length_s": 2}],
+        "gap_mode": "drop",
+    }
+    missing = {"rtt_ms": {"trace": "nowhere.csv"}}
+    found = asked_links(replace(both, links={"ramp_85": content, "none": missing}))
+    assert found.rows == [
+        ["none", "-", "-", "-", "-"],
+        [
+            "ramp_85", "0 to 85", "rate 4 Mbit/s, queue 65,536 bytes; loss 1.000%", "loss 1.000%",
+            "silence of 2 s at 5 s; traffic is dropped",
+        ],
+    ]  # fmt: skip
 
 
 def test_links_of_a_grid_are_in_the_order_of_their_numbers(tmp_path: Path) -> None:
