@@ -293,7 +293,7 @@ def test_two_parts_of_one_folder_are_compared(
         (["--a", "variant=static", "--b", "variant=dynamic"],
          "--b variant=dynamic is no cell; variant: conventional, static"),
         (["--a", "variant=static", "--b", "link=rtt_0"],
-         "both mean edgeslam:static n_orb 1000/room_walk/rtt_0, edgeslam:static n_orb 500/"),
+         "both mean edgeslam:static n_orb 500/room_walk/rtt_0, edgeslam:static n_orb 1000/"),
         (["--a", "variant=static", "--b", "systm=edgeslam"],
          "or KEY=VALUE of system, variant, label, dataset, link"),
         (["--truth", "--a", "link=rtt_0", "--b", "link=rtt_40"], "--truth takes whole folders"),
