@@ -89,7 +89,9 @@ class Page:
     def open(self, address: str, ready: str = "document.readyState === 'complete'") -> None:
         """Opens a page and waits until `ready`."""
         self.ask("Page.navigate", url=address)
-        self.until(f"location.href.split('#')[0] === {json.dumps(address.split('#')[0])}")
+        # The address is the new one as soon as its first bytes are there, before its elements are.
+        at_address = f"location.href.split('#')[0] === {json.dumps(address.split('#')[0])}"
+        self.until(f"{at_address} && document.readyState !== 'loading'")
         self.until(ready)
 
     def value(self, expression: str) -> Any:
