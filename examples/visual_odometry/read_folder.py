@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The same odometry as a program that knows nothing of slambed: it reads a folder in TUM's layout
-and leaves a trajectory.
+"""The odometry as a program that knows nothing of slambed: it reads a folder in TUM's layout and
+leaves a trajectory.
 
 python3 read_folder.py FOLDER TRAJECTORY
 """

@@ -2,12 +2,10 @@
 # ruff: noqa: N806 - T_wc: camera to world
 """RGB-D visual odometry on OpenCV: every frame against the last keyframe, ORB and PnP, no map."""
 
-import os
 from typing import Any
 
 import cv2
 import numpy as np
-from slambed_client import Client
 
 REPROJECTION_PX = 3.0
 RATIO = 0.8  # of the best match's distance to the second best's (Lowe, IJCV 2004)
@@ -66,24 +64,3 @@ class Odometry:
             self.T_wk, self.T_ck = T_wc, np.eye(4)
             self.keyframe(depth, pixels, descriptors)
         return T_wc, len(pixels), count
-
-
-def main() -> None:
-    cv2.setNumThreads(1)
-    cv2.setRNGSeed(int(os.environ["SLAMBED_SEED"]))
-    client = Client()
-    odometry = Odometry(client, client.params)
-    client.ready()
-    for frame in client:
-        T_wc, features, inliers = odometry.track(frame.gray, frame.depth)
-        if T_wc is None:
-            client.lost(frame, features)
-        else:
-            client.pose(frame, T_wc, features, inliers)
-            if T_wc is odometry.T_wk:
-                client.event("keyframe", points=len(odometry.points))
-    client.close()
-
-
-if __name__ == "__main__":
-    main()

@@ -21,6 +21,7 @@ from slambed.engines.python_packages import (
     must_have_debian_packages,
 )
 from slambed.errors import ExitCode, SlambedError
+from slambed.native import repository_root
 from slambed.spec.device import Limits
 from slambed.spec.runtime import PythonPackages, Runtime, foreign_digest
 
@@ -204,8 +205,11 @@ def test_the_last_words_of_a_python_program_are_its_exception(tmp_path: Path) ->
     assert last_line(log) == "Shutdown"
 
 
-def test_the_example_of_orb_slam3_names_what_it_needs() -> None:
-    path = python_packages.__file__
-    file = Path(path).parents[3] / "examples" / "orb_slam3" / "system.yaml"
+@pytest.mark.parametrize(
+    ("name", "package"),
+    [("orb_slam3", "pyorbslam3"), ("opencv_odometry", "opencv-python-headless")],
+)
+def test_the_examples_of_pypi_name_what_they_need(name: str, package: str) -> None:
+    file = repository_root() / "examples" / name / "system.yaml"
     runtime = Runtime.model_validate(yaml.safe_load(file.read_text())["runtime"], strict=True)
-    assert runtime.python is not None and runtime.python.requires[0].startswith("pyorbslam3==")
+    assert runtime.python is not None and runtime.python.requires[0].startswith(f"{package}==")

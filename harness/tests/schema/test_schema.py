@@ -103,7 +103,7 @@ def bad(kind: str, path: str, change: Callable[[Any], Any]) -> list[str]:
         ),
         ("system", "systems/orbslam2/system.yaml", lambda d: d["params"]["n_orb"].pop("type")),
         ("system", "systems/edgeslam/system.yaml", lambda d: d.update(roles=["car"])),
-        ("system", "examples/visual_odometry/system.yaml", lambda d: d["runtime"].pop("mobile")),
+        ("system", "examples/opencv_odometry/system.yaml", lambda d: d["runtime"].pop("mobile")),
         ("shared-params", "systems/core/offload/params.yaml", lambda d: d.update(x={"min": 1})),
         ("device", "catalog/devices/raspberry_pi_4.yaml", lambda d: d.update(limits={"core": 1})),
         ("device-fit", "catalog/devices/fits/ijnc.yaml", lambda d: d.update(components=[])),
