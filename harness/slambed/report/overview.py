@@ -13,7 +13,7 @@ from slambed.report.cells import number, text
 from slambed.report.conditions import median_run
 from slambed.report.load import Results
 from slambed.report.time_lanes import TimeLanes
-from slambed.report.timeline import FAULTS, known_rtt, largest, state_lane
+from slambed.report.timeline import FAULTS, largest, rtt_of, state_lane
 
 MOST_STRIPS = 8
 """Most runs in a picture: about what a screen shows."""
@@ -143,7 +143,7 @@ def _rtt(lanes: TimeLanes, results: Results, profile: str, strips: list[Strip]) 
         if link is None:
             continue
         asked = series(link, "asked_rtt_ms")
-        source, known = known_rtt(link, strip.events)
+        source, known = rtt_of(link, strip.events)
         both = pd.concat([part for part in (asked, known) if len(part)] or [asked])
         if not len(both) or both["value"].max() < LEAST_RTT_MS:
             continue

@@ -13,6 +13,7 @@ from slambed.report.conditions import median_run
 from slambed.report.experiment import write_report
 from slambed.report.load import Results, load
 from slambed.report.overview import overviews
+from slambed.report.timeline import rtt_of
 from slambed.report.told import told
 
 LOST = ("0000000000000001", "0000000000000002")
@@ -65,6 +66,29 @@ def test_the_picture_has_link_states_losses_updates_and_tracking(experiment: Pat
     # The system alone has no link that delays, no loss and no update.
     alone = svg.split(f"#t-{picture.shown[1]}")[0]
     assert "<title>track lost" not in alone and "<title>map update" not in alone
+
+
+@pytest.mark.parametrize(
+    ("sources", "words", "value"),
+    [
+        (["tcp_info"], "smoothed by TCP", 7.0),
+        (["echo"], "by echo", 7.0),
+        (["probe"], "by the system's probe", 7.0),
+        (["probe", "tcp_info"], "smoothed by TCP", 8.0),
+        ([None], "as the mobile node knows it", 7.0),
+    ],
+)
+def test_the_source_of_an_rtt_is_named_and_two_are_not_mixed(
+    sources: list[str | None], words: str, value: float
+) -> None:
+    events = pd.DataFrame(
+        {"t_ns": 10**9 * (i + 1), "type": "rtt_sample", "node": "mobile", "source": source,
+         "rtt_ms": 7.0 + i}
+        for i, source in enumerate(sources)
+    )  # fmt: skip
+    without_probe = pd.DataFrame({"t_s": [0.0], "series": ["asked_rtt_ms"], "value": [5.0]})
+    source, known = rtt_of(without_probe, events)
+    assert (source, list(known["value"])) == (words, [value])
 
 
 def test_every_mark_leads_to_the_time_line_of_its_run(page: str) -> None:
