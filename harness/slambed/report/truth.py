@@ -61,7 +61,7 @@ QUANTITIES = (
     Quantity("T_Total", "ms", _summary("update_delay_ms_median")),
     Quantity("T_MU (update delay)", "ms", _part("T_MU")),
     Quantity("frames dropped", "", _summary("frames_dropped")),
-    Quantity("keyframes", "", _summary("keyframes")),
+    Quantity("keyframes in the map", "", _summary("keyframes")),
     Quantity("ATE RMSE", "cm", _summary("ate_rmse_m", 100)),
     Quantity("mobile CPU", OF_A_CORE, _summary("mobile_cpu_percent_mean")),
     Quantity("mobile CPU", OF_THE_DEVICE, _summary("mobile_cpu_device_percent")),

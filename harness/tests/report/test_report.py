@@ -329,7 +329,7 @@ def test_missing_runs_of_the_plan_are_reported(experiment: Path) -> None:
     results = load(experiment)
     assert results.title == "Planned"
     assert "edgeslam:static/room_walk/none: 1 runs missing" in results.problems
-    assert metrics_to_show(results)[0].key == "keyframes"
+    assert metrics_to_show(results)[0].heading == "keyframes in the map"
 
 
 def test_a_report_says_once_what_is_used_instead_of_what(experiment: Path) -> None:
