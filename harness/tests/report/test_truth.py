@@ -63,6 +63,18 @@ def test_losses_are_tested_exactly(folders: tuple[Path, Path]) -> None:
     assert rows["orbslam2/room_walk"][6] == "yes"
 
 
+def test_the_caption_says_which_runs_have_no_events(folders: tuple[Path, Path]) -> None:
+    live, virtual = map(load, folders)
+    assert "no events" not in truth_table(live, virtual).caption
+    first = live.runs[live.runs["system"] == "edgeslam"].iloc[0]
+    events = folders[0] / "runs" / str(first["run_key"]) / "events.parquet"
+    content = events.read_bytes()
+    events.unlink()
+    caption = truth_table(live, virtual).caption
+    events.write_bytes(content)
+    assert caption.endswith(f". T_MU of {folders[0]}: from 3 of 4 runs, the others have no events")
+
+
 def test_two_live_results_are_no_truth(folders: tuple[Path, Path]) -> None:
     live, virtual = map(load, folders)
     with pytest.raises(SlambedError, match="holds no virtual run"):
