@@ -61,7 +61,9 @@ def list_datasets(as_json: JsonOption = False) -> None:
     screen = console()
     screen.print(table)
     screen.print("pictures of one: 'slambed data show ID'")
-    screen.print(f"missing recordings: 'slambed data download ID'; searched: {_joined(catalog.search)}")
+    screen.print(
+        f"missing recordings: 'slambed data download ID'; searched: {_joined(catalog.search)}"
+    )
     for error in catalog.broken.values():
         typer.echo(f"not listed: {error}", err=True)
     if catalog.broken:

@@ -20,6 +20,7 @@ from slambed.report.differences import difference_tables
 from slambed.report.hosts import host_table
 from slambed.report.html import PageContent, write_html
 from slambed.report.load import Results, load
+from slambed.report.not_measured import not_measured
 from slambed.report.plots import TIME_FOR_FIGURES_S, Drawn, draw_all
 from slambed.report.rounds import update_round_tables
 from slambed.report.settings import settings_table
@@ -68,6 +69,8 @@ class ReportSummary:
     @classmethod
     def of(cls, results: Results, comparisons: Iterable[Table] = ()) -> "ReportSummary":
         """Summarizes loaded runs. `comparisons` are tables of these and published numbers."""
+        for line in not_measured(results):
+            results.complain(line)
         metrics = metrics_to_show(results)
         cells = cells_of(results, metrics)
         tables = [*cell_tables(cells, metrics), *update_round_tables(results)]
