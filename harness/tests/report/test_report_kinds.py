@@ -132,6 +132,17 @@ def test_a_metric_that_no_run_has_is_named_with_the_reason(tmp_path: Path) -> No
     ) in write_report(folder, figures=False).problems
 
 
+def test_what_only_live_runs_measure_is_named_so(tmp_path: Path) -> None:
+    spec = spec_of("orbslam2", "default", None, 0, engine="virtual")
+    folder = write_experiment(tmp_path, [(spec, RawRun(4.0, edge=False))])
+    asked = {"metrics": ["rtt_error_ms_median", "host_stall_ms_max", "coverage"]}
+    content = {"experiment": {"title": "T", "report": asked}}
+    (folder / "experiment.json").write_text(json.dumps(content))
+    assert write_report(folder, figures=False).problems == [
+        "rtt_error_ms_median, host_stall_ms_max: asked for, but only live runs measure it"
+    ]
+
+
 def test_a_report_reports_the_faults_of_its_runs(tmp_path: Path) -> None:
     freeze = Fault(at_s=2, edge="freeze", for_s=1.5)
     kill = Fault(at_s=3, edge="kill")
