@@ -90,15 +90,15 @@ def stand_in(name: str) -> str:
     """Returns which dataset is replaced by which, and how to get it; empty if none is."""
     from slambed.data.catalog import Catalog
     from slambed.data.download import how_to_get
-    from slambed.data.stand_in import played_instead
+    from slambed.data.stand_in import used_instead
 
     if (Path(name) / SEQUENCE_FILE).is_file():
         return ""
     catalog = Catalog.load()
     if (wanted := catalog.stands_in_for(name)) is None:
         return ""
-    played = catalog.resolve(name).id
-    return f"{played_instead(played, wanted.id)}. {wanted.id}: {how_to_get(wanted)}"
+    message = used_instead(catalog.resolve(name).id, wanted.id, name)
+    return "; ".join(filter(None, [message, how_to_get(wanted)]))
 
 
 def prior_map_of(name: str) -> str | None:

@@ -360,6 +360,7 @@ def experiment_json(
         "engine": plan.circumstances.engine,
         "link_backends": dict(plan.circumstances.link_backends),
         "software": plan.circumstances.software,
+        "datasets": {name: found for name, (found, _) in plan.circumstances.datasets.items()},
         "stand_ins": {s.id: s.stands_in_for for s in plan.sequences.values() if s.stands_in_for},
         "written_utc": utc_now(),
         "runs": [

@@ -38,6 +38,7 @@ def preview(
     run_s: float,
     jobs: int,
     forced: frozenset[str] = frozenset(),
+    virtual: bool = False,
 ) -> list[str]:
     """Returns one line per cell with its existing runs, and one with the expected time for the
     rest."""
@@ -48,4 +49,11 @@ def preview(
         there = sum(store.state(key) in again for key in keys)
         todo += len(own) - there
         lines.append(f"{cell}: {there} of {len(own)} runs there")
-    return [*lines, f"{todo} runs to execute, about {duration(run_s * todo / jobs)}"]
+    return [*lines, f"{todo} runs to execute, {about(run_s * todo / jobs, virtual)}"]
+
+
+def about(seconds: float, virtual: bool) -> str:
+    """Returns an expected duration, made before any run was timed. Other work on the machine
+    delays virtual runs; live ones take the time of their sequences."""
+    idle = " on an idle machine" if virtual and seconds else ""
+    return f"about {duration(seconds)}{idle}"

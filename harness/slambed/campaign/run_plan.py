@@ -18,8 +18,8 @@ from slambed.campaign.ledger import Ledger
 from slambed.campaign.options import Options
 from slambed.campaign.order import in_part, interleaved
 from slambed.campaign.plan import Plan, experiment_json, notes
-from slambed.campaign.preview import chosen, preview
-from slambed.campaign.progress import CampaignProgress, duration
+from slambed.campaign.preview import about, chosen, preview
+from slambed.campaign.progress import CampaignProgress
 from slambed.campaign.run_estimate import expected_run_s
 from slambed.campaign.runner import CampaignOutcome, Runner
 from slambed.campaign.runs_beyond_plan import valid_repetitions
@@ -48,15 +48,14 @@ def run_plan(
     for line in notes(experiment, Library()) + plan.remarks:
         print_to(console, line)
     folder = ResultFolder(options.results / experiment.id)
-    about = chosen(plan.specs, options.only)
+    asked = chosen(plan.specs, options.only)
     if options.dry_run:
         for line in being_run(options.results, experiment.id):
             print_to(console, line)
         jobs = options.jobs or (len(os.sched_getaffinity(0)) if _is_virtual(plan) else hosts)
         forced = _forced(plan.specs, options)
-        for line in preview(
-            about, folder.store, _kept(options), expected_run_s(plan), jobs, forced
-        ):
+        kept, run_s, virtual = _kept(options), expected_run_s(plan), _is_virtual(plan)
+        for line in preview(asked, folder.store, kept, run_s, jobs, forced, virtual):
             print_to(console, line)
         return CampaignOutcome()
     make_folder(folder.path, "--results")
@@ -115,7 +114,7 @@ def _fill(
         console,
         f"{experiment.title}: {len(ordered)} runs, {len(wanted) - len(todo)} there already, "
         + (f"{len(ordered) - len(wanted)} not asked for, " if len(wanted) < len(ordered) else "")
-        + f"engine {engine}, about {duration(run_s * len(todo) / executor.jobs)}",
+        + f"engine {engine}, {about(run_s * len(todo) / executor.jobs, engine == VIRTUAL)}",
     )
     overall = options.overall
     if overall is not None:

@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Disk use of runs, and runs that are in no plan."""
 
+from collections import defaultdict
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -9,6 +10,7 @@ from typing import Any
 from slambed.campaign.store import RunStore
 from slambed.errors import SlambedError
 from slambed.files.json_file import read_object
+from slambed.records.kept_spec import KeptSpec
 
 MEGABYTE = 1e6
 
@@ -24,22 +26,58 @@ class Size:
         return f"{self.runs} runs, {self.bytes / MEGABYTE:.1f} MB"
 
 
+@dataclass(frozen=True, order=True)
+class Reason:
+    """Why runs are in no plan."""
+
+    experiment: str
+    why: str
+
+    @property
+    def can_return(self) -> bool:
+        """Returns whether `slambed run` takes these runs again as soon as it is asked for them."""
+        return self.why == OTHER_SETTINGS
+
+    def __str__(self) -> str:
+        return f"{self.experiment}, {self.why}" if self.experiment else self.why
+
+
+OTHER_SETTINGS = "made with other settings than those of its last plan"
+OTHER_SOURCES = "of other sources"
+NO_PLAN = "which has no plan here"
+NO_MANIFEST = "without a readable manifest"
+
+
 def plans(results: Path) -> Iterator[tuple[str, set[str]]]:
     """Yields every experiment with the keys in its plans, for all engines."""
+    for name, runs in _planned(results):
+        yield name, _keys(runs)
+
+
+def _planned(results: Path) -> Iterator[tuple[str, list[dict[str, Any]]]]:
     for path in sorted(results.glob("*/experiment.json")):
-        keys = keys_of(read_object(path))
-        if keys is None:
+        runs = _runs_of(read_object(path))
+        if runs is None:
             # Its runs are unknown, so it is not safe to delete any.
             raise SlambedError(f"{path} is not whole; run the experiment again first")
-        yield path.parent.name, keys
+        yield path.parent.name, runs
 
 
 def keys_of(plan: dict[str, Any] | None) -> set[str] | None:
     """Returns the keys of the runs in an experiment.json; None if it has none."""
+    runs = _runs_of(plan)
+    return None if runs is None else _keys(runs)
+
+
+def _keys(runs: list[dict[str, Any]]) -> set[str]:
+    return {str(run["run_key"]) for run in runs if "run_key" in run}
+
+
+def _runs_of(plan: dict[str, Any] | None) -> list[dict[str, Any]] | None:
     listed = (plan or {}).get("runs")
     if not isinstance(listed, list) or not all(isinstance(run, dict) for run in listed):
         return None
-    return {str(run["run_key"]) for run in listed if "run_key" in run}
+    return listed
 
 
 def size_of(store: RunStore, keys: set[str]) -> Size:
@@ -54,3 +92,27 @@ def unnamed(results: Path) -> set[str]:
     """Returns the keys of runs that are in no plan of any experiment."""
     named: set[str] = set().union(*(keys for _, keys in plans(results)))
     return set(RunStore(results).keys()) - named
+
+
+def unnamed_by_reason(results: Path) -> dict[Reason, set[str]]:
+    """Returns the same by the experiment that executed them, and why they are in no plan."""
+    store, planned = RunStore(results), dict(_planned(results))
+    found: defaultdict[Reason, set[str]] = defaultdict(set)
+    for key in unnamed(results):
+        manifest = store.manifest(key)
+        spec = manifest.kept if manifest is not None else KeptSpec()
+        if spec.experiment is None:
+            found[Reason("", NO_MANIFEST)].add(key)
+        elif (runs := planned.get(spec.experiment)) is None:
+            found[Reason(spec.experiment, NO_PLAN)].add(key)
+        else:
+            # A system that the plan no longer has was taken out by its settings.
+            like_it = [r for r in runs if (r.get("system"), r.get("engine")) == _system_of(spec)]
+            changed = like_it and spec.software not in [run.get("software") for run in like_it]
+            why = OTHER_SOURCES if changed else OTHER_SETTINGS
+            found[Reason(spec.experiment, why)].add(key)
+    return {reason: found[reason] for reason in sorted(found)}
+
+
+def _system_of(spec: KeptSpec) -> tuple[str | None, str | None]:
+    return spec.system, spec.engine

@@ -61,7 +61,9 @@ def list_datasets(as_json: JsonOption = False) -> None:
     screen = console()
     screen.print(table)
     screen.print("pictures of one: 'slambed data show ID'")
-    screen.print(f"missing ones: 'slambed data download ID'; searched: {_joined(catalog.search)}")
+    screen.print(
+        f"missing recordings: 'slambed data download ID'; searched: {_joined(catalog.search)}"
+    )
     for error in catalog.broken.values():
         typer.echo(f"not listed: {error}", err=True)
     if catalog.broken:
@@ -108,14 +110,15 @@ def _offer_download(name: str) -> None:
     command."""
     from slambed.data.catalog import Catalog
     from slambed.data.download import how_to_get, recipe_text
-    from slambed.data.stand_in import played_instead
+    from slambed.data.stand_in import used_instead
 
     catalog = Catalog.load()
     if (wanted := catalog.stands_in_for(name)) is None:
         return
-    message = played_instead(catalog.resolve(name).id, wanted.id)
+    message = used_instead(catalog.resolve(name).id, wanted.id, name)
     if not sys.stdin.isatty() or wanted.download is None or wanted.download.unpack == "none":
-        typer.echo(f"note: {message}. {wanted.id}: {how_to_get(wanted)}", err=True)
+        line = "; ".join(filter(None, [message, how_to_get(wanted)]))
+        typer.echo(f"note: {line}", err=True)
     elif typer.confirm(
         f"{message}. {recipe_text(wanted, places.download_folder())}. Fetch it now?"
     ):

@@ -8,7 +8,8 @@ from typing import Any
 import typer
 
 from slambed.errors import SlambedError
-from slambed.metrics.losses import sentence
+from slambed.metrics.losses import EVENTS, sentence
+from slambed.report.kept_events import NONE_ARE_KEPT, from_part, with_events
 from slambed.report.load import load
 from slambed.report.loss_table import LostRun, all_by_cause, by_cause, every_loss, lost_runs
 from slambed.report.tables import check_format, write_table
@@ -22,6 +23,8 @@ def show_losses(folder: Path, experiment: str, output: Path | None, as_json: boo
         check_format(output)
     found = load(folder)
     runs = lost_runs(found)
+    if not runs and len(found.valid_runs):
+        raise SlambedError(f"{experiment}: {NONE_ARE_KEPT}")
     if not runs:
         raise SlambedError(f"no run of {experiment} counts; 'slambed status {experiment}' says why")
     if as_json:
@@ -30,8 +33,9 @@ def show_losses(folder: Path, experiment: str, output: Path | None, as_json: boo
         for table in (by_cause(runs), all_by_cause(runs)):
             console().print(table.rich())
         typer.echo("'slambed explain RUN --around loss' shows the first of a run")
-    for problem in found.problems:
-        typer.echo(f"note: {problem}", err=as_json)
+    part = from_part(with_events(found, found.valid_runs, EVENTS), found.valid_runs)
+    for note in [*([f"losses {part}"] if part else []), *found.problems]:
+        typer.echo(f"note: {note}", err=as_json)
     if output is not None:
         write_table(every_loss(runs), output)
         typer.echo(f"every loss: {output}", err=as_json)

@@ -34,20 +34,36 @@ def size(results: ResultsOption = RESULTS, as_json: JsonOption = False) -> None:
 @app.command()
 def prune(
     results: ResultsOption = RESULTS,
+    other_settings: Annotated[
+        bool,
+        typer.Option(
+            "--other-settings", help="Also those made with other settings, as with run --set."
+        ),
+    ] = False,
     yes: Annotated[bool, typer.Option("--yes", help="Really remove them.")] = False,
 ) -> None:
-    """Remove runs that are in no plan, for example of older sources or changed parameters."""
+    """Remove runs that are in no plan, for example of older sources.
+
+    Runs made with other settings than those of the last plan stay: 'slambed run' with the earlier
+    settings takes them again.
+    """
     from slambed.campaign.folder import ResultFolder
-    from slambed.campaign.size import plans, size_of, unnamed
+    from slambed.campaign.size import plans, size_of, unnamed_by_reason
     from slambed.campaign.store import RunStore
 
     _must_be_there(results)
-    store, keys = RunStore(results), unnamed(results)
-    total = size_of(store, keys)
+    store = RunStore(results)
+    chosen: set[str] = set()
+    for reason, keys in unnamed_by_reason(results).items():
+        stays = reason.can_return and not other_settings
+        chosen |= set() if stays else keys
+        kept = "; they stay without --other-settings" if stays else ""
+        typer.echo(f"{reason}: {size_of(store, keys)}{kept}")
+    total = size_of(store, chosen)
     if not yes:
         typer.echo(f"would remove {total}; give --yes to do it")
         return
-    for key in keys:
+    for key in chosen:
         store.remove(key)
     for name, named in plans(results):
         ResultFolder(results / name).show(named)
@@ -74,6 +90,8 @@ def pack_command(
     from slambed.campaign.pack import pack
     from slambed.campaign.size import plans
 
+    if whole and events:
+        raise SlambedError("--whole keeps all events; leave out --events")
     _must_be_there(results)
     chosen = names or [name for name, _ in plans(results)]
     done = pack(results, chosen, output, whole, sorted(set(events or [])))

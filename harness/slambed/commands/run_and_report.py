@@ -60,7 +60,7 @@ def show_report(folder: Path, console: Console, anew: bool = True, figures: bool
     summary = ReportSummary.of(results, comparisons_for(results))
     if anew or not is_current(folder):
         write_report(folder, figures=figures, summary=summary, formats=ON_PAGES)
-    terminal_summary(folder, console, summary)
+    terminal_summary(folder, console, summary, said=True)
     _print(console, f"every run: {folder / 'summary.csv'}")
 
 

@@ -30,9 +30,11 @@ def recipe_text(dataset: Dataset, folder: Path) -> str:
 
 
 def how_to_get(dataset: Dataset) -> str:
-    """Returns in one clause how to get a missing dataset."""
+    """Returns in one clause how to get a missing dataset; empty if nothing offers it."""
+    if dataset.synthetic is not None:
+        return f"generate it with 'slambed data prepare {dataset.id}'"
     if dataset.download is None:
-        return "no public download has it"
+        return ""
     if dataset.download.unpack == "none":
         return f"get it from {dataset.download.url}"
     unverified = "" if dataset.download.verified else " --force (no checksum is known)"
@@ -79,6 +81,8 @@ def download(
 
 
 def _recipe(dataset: Dataset) -> Download:
+    if dataset.synthetic is not None:
+        raise SlambedError(f"dataset '{dataset.id}' is not downloaded; {how_to_get(dataset)}")
     if dataset.download is None:
         raise SlambedError(
             f"dataset '{dataset.id}' has no download recipe; {dataset.note}".rstrip("; ")

@@ -207,7 +207,7 @@ def _states(run: RunLog, axes: Axes) -> None:
         labels.append("updates at rest")
     ticks = {
         "dropped frames": (run.of("frame_dropped"), LOSS_COLOR),
-        "keyframes": (run.of("keyframe_created"), "#0072B2"),
+        "keyframes created": (run.of("keyframe_created"), "#0072B2"),
         **{name: (run.of(kind), color) for kind, (name, color) in STAGED_TICKS.items()},
         "updates applied": (run.of("update_applied"), "#000000"),
         "declined": (run.of("update_declined", "keyframe_declined"), "#CC79A7"),

@@ -34,7 +34,7 @@ def _frames(run: RunLog) -> str:
     return (
         f"{len(tracked) + len(dropped)} frames in {run.end_s:.1f} s: {good} with a pose, "
         f"{len(dropped)} dropped, {_count(len(run.of('track_lost')), 'track loss', 'es')}; "
-        f"{len(run.of('keyframe_created'))} keyframes"
+        f"{_count(len(run.of('keyframe_created')), 'keyframe')} created"
     )
 
 

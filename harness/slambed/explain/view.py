@@ -84,7 +84,7 @@ def write_png(view: RunView, folder: Path) -> Path:
                     "s",
                     color=COLORS[1],
                     markersize=2.5,
-                    label="keyframes",
+                    label="keyframes created",
                 )
             axis.set_aspect("equal", adjustable="datalim")
             axis.set_xlabel(f"{'xyz'[a]} [m]")

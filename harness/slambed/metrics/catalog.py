@@ -222,7 +222,8 @@ METRICS: tuple[Metric, ...] = (
           lambda run: len(run.log.of("loop_closed")) if run.measured else None),
     Metric("first_loop_s", "run time at which the first loop was closed; null when none",
            first_loop_s, "first loop closed", "s"),
-    Count("keyframes", "in the global map at the end", _mapped("keyframes")),
+    Count("keyframes", "in the global map at the end, so without culled ones; those of a prior map "
+          "count", _mapped("keyframes"), "keyframes in the map"),
     Count("map_points", "in the global map at the end", _mapped("points")),
     Text("groundtruth", "first 16 digits of the SHA-256 of the true path; null without one",
          truth_digest),

@@ -13,6 +13,16 @@ Floats = NDArray[np.float64]
 MINIMUM_PROBES = 20  # one second of probing; fewer are not significant
 
 
+RTT_SOURCES = {
+    "tcp_info": "smoothed by TCP",
+    "echo": "by echo",
+    "probe": "by the system's probe",
+}
+"""How a mobile node knows its RTT, by `source` of the event, in words. The first is that of the
+link alone; in the others the edge's program takes part."""
+UNKNOWN_SOURCE = "as the mobile node knows it"
+
+
 @dataclass(frozen=True)
 class Traffic:
     """Messages of one type in one direction."""
@@ -80,6 +90,18 @@ def curve(link: pd.DataFrame, name: str) -> tuple[Floats, Floats]:
     t_s, values = t_s[there], values[there]
     order = np.argsort(t_s, kind="stable")
     return t_s[order], values[order]
+
+
+def known_rtt(samples: pd.DataFrame) -> tuple[str, pd.DataFrame]:
+    """Returns the `rtt_sample` events of one source, the first of RTT_SOURCES that is there, and
+    how it knows the RTT, in words."""
+    if "source" not in samples:
+        return UNKNOWN_SOURCE, samples
+    for source, words in RTT_SOURCES.items():
+        own = samples[samples["source"] == source]
+        if len(own):
+            return words, own
+    return UNKNOWN_SOURCE, samples
 
 
 def measured_only(link: pd.DataFrame, end_s: float | None) -> RttFigures:

@@ -54,7 +54,7 @@ class KeptTolerances(Record):
 
 
 class KeptSpec(Record):
-    """The fields of a RunSpec that metrics and reports read. Fields change between versions of
+    """The fields of a RunSpec that are read of finished runs. Fields change between versions of
     slambed, and a run stays readable without them."""
 
     run_key: str | None = None
@@ -74,6 +74,7 @@ class KeptSpec(Record):
     profile: str | None = None
     link: KeptLink | None = None
     engine: str | None = None
+    software: str | None = None
     pace: str = HOST_PACE
     seed: int | None = None
     tolerances: KeptTolerances = KeptTolerances()

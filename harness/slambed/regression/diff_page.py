@@ -64,7 +64,8 @@ def _title(sides: Sides) -> str:
 
 def _problems(sides: Sides) -> list[str]:
     """Returns the problems of both sides; those of one folder only once."""
-    a, b = (side.results.problems for side in (sides.a, sides.b))
+    both = (sides.a.results, sides.b.results)
+    a, b = ([*results.stand_ins, *results.problems] for results in both)
     if sides.a.results.folder == sides.b.results.folder:
         return list(dict.fromkeys([*a, *b]))
     return [f"{letter}: {line}" for letter, own in (("A", a), ("B", b)) for line in own]

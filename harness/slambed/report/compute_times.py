@@ -14,6 +14,7 @@ import numpy as np
 
 from slambed.errors import SlambedError
 from slambed.metrics.events import Event
+from slambed.report.kept_events import with_events
 from slambed.report.load import Results
 from slambed.spec.device import VIRTUAL, CostModel
 from slambed.spec.experiment import DEVICE_PACE
@@ -21,6 +22,7 @@ from slambed.spec.library import Library
 
 STAGES = ("extract", "track")
 """Stages of the mobile node for every frame."""
+KINDS = ("stage", "frame_tracked")
 CLOSE = 1.25
 """Times within this factor are called the same machine."""
 FAR = 2.0
@@ -124,7 +126,8 @@ def compute_times(results: Results) -> list[ComputeTime]:
         charged: list[float] = []
         unknown: list[str] = []
         for label, own in rows.groupby("label", sort=False):
-            log = results.events(str(own["run_key"].iloc[0]), ("stage", "frame_tracked"))
+            kept = next(iter(with_events(results, own, KINDS)["run_key"]), "")
+            log = results.events(str(kept), KINDS)
             frames = len(log.of("frame_tracked")) if log is not None else 0
             if log is None or not frames:
                 continue

@@ -53,7 +53,8 @@ def conditions_of(results: Results, all_runs: bool = False) -> list[Condition]:
 
 
 def typical_run(rows: pd.DataFrame, key: str = "ate_rmse_m") -> str | None:
-    """Returns the key of the median run (the lower of two), or of any run if none has a value."""
+    """Returns the key of the median run (of an even number the worse of the two in the middle), or
+    of the first run if none has a value."""
     if not len(rows):
         return None
     values = pd.to_numeric(rows[key], errors="coerce").to_numpy(np.float64)
@@ -61,18 +62,18 @@ def typical_run(rows: pd.DataFrame, key: str = "ate_rmse_m") -> str | None:
     if not len(known):
         return str(rows.iloc[0]["run_key"])
     ranked = known[np.argsort(values[known], kind="stable")]
-    return str(rows.iloc[int(ranked[(len(ranked) - 1) // 2])]["run_key"])
+    return str(rows.iloc[int(ranked[len(ranked) // 2])]["run_key"])
 
 
 def median_run(rows: pd.DataFrame) -> str | None:
-    """Returns the key of the middle run (the lower of two) by coverage, then by ATE: a run that
-    failed counts as worse than any that did not."""
+    """Returns the key of the middle run by coverage, then by ATE, of an even number the worse of
+    the two in the middle. A run that failed counts as worse than any that did not."""
     if not len(rows):
         return None
     coverage = pd.to_numeric(rows["coverage"], errors="coerce").fillna(0.0)
     ate_m = pd.to_numeric(rows["ate_rmse_m"], errors="coerce").fillna(np.inf)
     ranked = np.lexsort((ate_m.to_numpy(np.float64), -coverage.to_numpy(np.float64)))
-    return str(rows.iloc[int(ranked[(len(ranked) - 1) // 2])]["run_key"])
+    return str(rows.iloc[int(ranked[len(ranked) // 2])]["run_key"])
 
 
 def some_runs(rows: pd.DataFrame) -> list[str]:

@@ -20,6 +20,7 @@ from slambed.report.differences import difference_tables
 from slambed.report.hosts import host_table
 from slambed.report.html import PageContent, write_html
 from slambed.report.load import Results, load
+from slambed.report.not_measured import not_measured
 from slambed.report.plots import TIME_FOR_FIGURES_S, Drawn, draw_all
 from slambed.report.rounds import update_round_tables
 from slambed.report.settings import settings_table
@@ -63,11 +64,13 @@ class ReportSummary:
     def warnings(self) -> list[str]:
         """Returns what a reader must know before any number."""
         found = (time.warning(self.results.name) for time in self.times)
-        return [line for line in found if line is not None]
+        return [*self.results.stand_ins, *(line for line in found if line is not None)]
 
     @classmethod
     def of(cls, results: Results, comparisons: Iterable[Table] = ()) -> "ReportSummary":
         """Summarizes loaded runs. `comparisons` are tables of these and published numbers."""
+        for line in not_measured(results):
+            results.complain(line)
         metrics = metrics_to_show(results)
         cells = cells_of(results, metrics)
         tables = [*cell_tables(cells, metrics), *update_round_tables(results)]
@@ -214,16 +217,19 @@ def terminal_summary(
     console: Console | None = None,
     summary: ReportSummary | None = None,
     place: Path | None = None,
+    said: bool = False,
 ) -> RenderableType:
     """Returns the tables for a terminal, and prints them if a console is given. `place` is the
-    folder of the report, default the folder of the runs."""
+    folder of the report, default the folder of the runs; `said`: the notes of the campaign, which
+    name replaced sequences, are on the terminal already."""
     summary = summary or ReportSummary.of(load(experiment_dir))
     results, cells = summary.results, summary.cells
     parts: list[RenderableType] = [Text(f"{results.title}: {headline(results, cells)}")]
     for table in summary.tables + summary.comparisons:
         parts += [Text(""), table.rich()]
     notes = [f"{cell.name}: {note}" for cell in cells for note in cell.notes] + results.problems
-    parts += [Text(f"! {line}", style=LOUD) for line in summary.warnings]
+    warnings = summary.warnings[len(results.stand_ins) if said else 0 :]
+    parts += [Text(f"! {line}", style=LOUD) for line in warnings]
     parts += [Text(f"! {line}") for line in notes[:MOST_TERMINAL_LINES]]
     if len(notes) > MOST_TERMINAL_LINES:
         parts.append(Text(f"! ... and {len(notes) - MOST_TERMINAL_LINES} more in report.md"))

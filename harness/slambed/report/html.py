@@ -73,8 +73,7 @@ def write_html(results: Results, content: PageContent, folder: Path) -> Path:
         sections.remove(("differences", "Differences"))
     page = render(
         "report.html.j2",
-        title=results.title.removesuffix(f" [{results.played_instead}]"),
-        played_instead=results.played_instead,
+        title=results.title,
         name=results.name,
         notes=results.spec.get("notes") or "",
         sections=dict(sections),

@@ -13,7 +13,7 @@ import pandas as pd
 import pyarrow as pa
 import pyarrow.parquet as pq
 
-from slambed.data.stand_in import played_instead
+from slambed.data.stand_in import used_instead
 from slambed.data.trajectory import Trajectory, read_tum
 from slambed.errors import SlambedError
 from slambed.files.json_file import object_or_empty
@@ -64,8 +64,8 @@ class Results:
     """The experiment file as run, if it was stored."""
     links: dict[str, dict[str, Any]] = field(default_factory=dict)
     """Name of a link profile -> its content as played."""
-    played_instead: str = ""
-    """Which sequences were played instead of the requested ones, as in `title`; empty without."""
+    stand_ins: list[str] = field(default_factory=list)
+    """Which sequences were used instead of the requested ones, one line each."""
     refused: list[str] = field(default_factory=list)
     """Runs whose numbers must not be mixed with the others'; they count as invalid."""
 
@@ -191,11 +191,10 @@ def load(folder: Path) -> Results:
     if not len(runs):
         problems.insert(0, "nothing was measured: there is no readable run")
     title = str(spec.get("title") or experiment.get("title") or folder.name)
-    instead = _stand_ins(experiment)
     results = Results(
         folder=folder,
-        title=f"{title} [{instead}]" if instead else title,
-        played_instead=instead,
+        title=title,
+        stand_ins=_stand_ins(experiment),
         runs=_side_by_side(_in_order(runs, spec)),
         problems=problems,
         facts=facts,
@@ -437,11 +436,17 @@ def _parts(text: str) -> tuple[tuple[float, str], ...]:
     return tuple((float(p), "") if i % 2 else (-1.0, p) for i, p in enumerate(parts))
 
 
-def _stand_ins(experiment: dict[str, Any]) -> str:
-    """Returns which sequences were played instead of the requested ones; empty without any."""
-    found = experiment.get("stand_ins")
+def _stand_ins(experiment: dict[str, Any]) -> list[str]:
+    """Returns which sequences were used instead of the requested ones, one line each."""
+    found, names = experiment.get("stand_ins"), experiment.get("datasets")
     pairs = found.items() if isinstance(found, dict) else ()
-    return "; ".join(played_instead(str(played), str(wanted)) for played, wanted in pairs)
+    asked = names if isinstance(names, dict) else {}
+    return [
+        used_instead(
+            str(used), str(wanted), " and ".join(n for n, led_to in asked.items() if led_to == used)
+        )
+        for used, wanted in pairs
+    ]
 
 
 def _report_missing(results: Results, planned: list[dict[str, Any]]) -> None:

@@ -26,7 +26,8 @@ class LostRun:
 
 
 def lost_runs(results: Results) -> list[LostRun]:
-    """Returns every valid run, also those without a loss, in the order of the summary."""
+    """Returns every valid run with events, also those without a loss, in the order of the
+    summary."""
     runs = []
     for row in results.valid_runs.to_dict("records"):
         log = results.events(str(row["run_key"]), EVENTS)

@@ -11,9 +11,10 @@ from slambed.metrics.catalog import metric
 from slambed.metrics.network import series
 from slambed.report.cells import number, text
 from slambed.report.conditions import median_run
+from slambed.report.kept_events import from_part, with_events
 from slambed.report.load import Results
 from slambed.report.time_lanes import TimeLanes
-from slambed.report.timeline import FAULTS, known_rtt, largest, state_lane
+from slambed.report.timeline import FAULTS, largest, rtt_of, state_lane
 
 MOST_STRIPS = 8
 """Most runs in a picture: about what a screen shows."""
@@ -40,6 +41,8 @@ class Overview:
     """Cells that are not in the picture."""
     tracking_ms: str
     """End of the scale of tracking times; empty without any."""
+    part: str = ""
+    """From which share of the runs its strips were chosen, if not from all."""
 
 
 @dataclass(frozen=True)
@@ -50,6 +53,8 @@ class Strip:
     label: str
     row: pd.Series
     events: pd.DataFrame
+    runs: int
+    """Number of runs that it was chosen from."""
 
 
 def anchor(run_key: str) -> str:
@@ -115,25 +120,26 @@ def _overview(
         _rtt(lanes, results, profile, own)
         for strip in own:
             _draw(lanes, results, strip, profile, most_ms, address(strip.key))
-    runs = results.valid_runs
-    cells = runs[runs["dataset"].map(text) == dataset]["cell"].nunique()
+    runs = results.valid_runs[results.valid_runs["dataset"].map(text) == dataset]
     says = f"median runs on {dataset}: round-trip time, tracking state and map updates over time"
     return Overview(
         dataset,
         lanes.svg(says, "overview"),
         [s.key for s in drawn],
-        cells - len(drawn),
+        runs["cell"].nunique() - len(drawn),
         shown(most_ms) if most_ms else "",
+        from_part(with_events(results, runs), runs),
     )
 
 
 def _strip(results: Results, cell: pd.DataFrame) -> Strip | None:
+    cell = with_events(results, cell)
     key = median_run(cell)
     events = results.table(key, "events") if key is not None else None
     if key is None or events is None or "frame_tracked" not in set(events["type"]):
         return None
     row = cell[cell["run_key"] == key].iloc[0]
-    return Strip(key, str(row["label"]), row, events)
+    return Strip(key, str(row["label"]), row, events, len(cell))
 
 
 def _rtt(lanes: TimeLanes, results: Results, profile: str, strips: list[Strip]) -> None:
@@ -143,7 +149,7 @@ def _rtt(lanes: TimeLanes, results: Results, profile: str, strips: list[Strip]) 
         if link is None:
             continue
         asked = series(link, "asked_rtt_ms")
-        source, known = known_rtt(link, strip.events)
+        source, known = rtt_of(link, strip.events)
         both = pd.concat([part for part in (asked, known) if len(part)] or [asked])
         if not len(both) or both["value"].max() < LEAST_RTT_MS:
             continue
@@ -163,6 +169,8 @@ def _draw(
 ) -> None:
     where = f", {profile}" if profile else ""
     named, numbers = f"{strip.label}{where}", _in_words(strip.row)
+    if strip.runs == 2:
+        numbers = f"worse of 2: {numbers}"
     if len(named) + len(numbers) <= LONGEST_NAME:
         lanes.name(f"{named}: {numbers}", link)
     else:
@@ -199,6 +207,7 @@ def _in_words(row: pd.Series) -> str:
 
 CAPTION = (
     "The median run of each cell: the middle one of the valid runs, sorted by coverage and then by "
-    "ATE RMSE. Strip: green tracked, orange lost, gray not initialized; cross: track lost; tick "
-    "under it: map update applied (dark) or declined (pink)."
+    "ATE RMSE, of an even number the worse of the two in the middle; of 2 runs the worse one. "
+    "Strip: green tracked, orange lost, gray not initialized; cross: track lost; tick under it: "
+    "map update applied (dark) or declined (pink)."
 )

@@ -5,11 +5,13 @@ import numpy as np
 
 from slambed.metrics.update_round import PART_FIELDS, UpdateRound, update_rounds
 from slambed.report.cells import hosts_of, text
+from slambed.report.kept_events import from_part, with_events
 from slambed.report.load import Results
 from slambed.report.tables import Table
 
 RUNS_READ = 20
 """Runs read per cell: event logs are large, and these have some hundred updates."""
+KINDS = ("update_applied",)
 
 
 def update_round_tables(results: Results) -> list[Table]:
@@ -18,10 +20,12 @@ def update_round_tables(results: Results) -> list[Table]:
     datasets = list(dict.fromkeys(map(text, results.valid_runs["dataset"])))
     one = len(datasets) == 1
     mixed = results.runs["host"].nunique(dropna=False) > 1
-    for _, runs in results.valid_runs.groupby("cell", sort=False):
+    offloaded = results.valid_runs[results.valid_runs["device_edge"].notna()]
+    kept = with_events(results, offloaded, KINDS)
+    for _, runs in kept.groupby("cell", sort=False):
         rounds: list[UpdateRound] = []
         for key in runs["run_key"].head(RUNS_READ):
-            log = results.events(str(key), ("update_applied",))
+            log = results.events(str(key), KINDS)
             rounds += update_rounds(log) if log is not None else []
         if not rounds:
             continue
@@ -44,6 +48,7 @@ def update_round_tables(results: Results) -> list[Table]:
         "Parts of a map update round in ms, mean ± standard deviation over the accepted updates "
         "(- for the deviation of one). T_Wait is the pacing of updates, T_Computed is T_Total "
         "without it; gap: keyframes that the local map loses by an update"
+        + (f"; {part}" if (part := from_part(kept, offloaded)) else "")
         + (f"; {datasets[0]}" if one else "")
     )
     headings = [

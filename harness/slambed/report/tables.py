@@ -10,6 +10,7 @@ from rich.console import RenderableType
 
 from slambed.errors import SlambedError
 from slambed.files.outputs import writing
+from slambed.link.impairments import Side
 from slambed.link.profile import parse_profile
 from slambed.link.summary import impairments, outages, rtt_words
 from slambed.metrics.metric import Metric
@@ -155,11 +156,17 @@ def asked_links(results: Results) -> Table:
         except SlambedError:  # a trace that is not on this machine
             rows.append([name, *["-"] * 4])
             continue
-        ways = ["; ".join(impairments(side)) or "no limit" for side in (profile.up, profile.down)]
+        ways = [_of_side(side) for side in (profile.up, profile.down)]
         silence = "; ".join(outages(profile)) or "none"
         rows.append([name, rtt_words(profile), *ways, silence])
     headings = ["link", "RTT [ms]", "up", "down", "outages"]
     return Table("links", "The links, as asked", headings, rows, words=len(headings))
+
+
+def _of_side(side: Side) -> str:
+    """Returns rate, jitter and loss of one direction; the rate also where it has no limit."""
+    unlimited = [] if side.rate is not None else ["rate unlimited"]
+    return "; ".join([*unlimited, *impairments(side)])
 
 
 def link_table(results: Results) -> Table:

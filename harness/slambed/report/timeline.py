@@ -4,7 +4,7 @@
 import numpy as np
 import pandas as pd
 
-from slambed.metrics.network import series
+from slambed.metrics.network import known_rtt, series
 from slambed.report.load import Results
 from slambed.report.time_lanes import BLACK, PINK, TimeLanes
 
@@ -23,7 +23,7 @@ def timeline_svg(results: Results, run_key: str, link: str = "") -> str | None:
     state_lane(lanes, events, STATE_HEIGHT, link)
     table = results.table(run_key, "link")
     if table is not None:
-        source, rtt = known_rtt(table, events)
+        source, rtt = rtt_of(table, events)
         if len(rtt):
             _curve(lanes, rtt, f"RTT, {source}", "ms")
     samples = results.table(run_key, "samples")
@@ -52,15 +52,16 @@ def state_lane(lanes: TimeLanes, events: pd.DataFrame, height: int, link: str = 
     lanes.gap(MARKS_HEIGHT)
 
 
-def known_rtt(link: pd.DataFrame, events: pd.DataFrame) -> tuple[str, pd.DataFrame]:
-    """Returns the RTT with its source: measured by the probe, else smoothed by the mobile's TCP.
+def rtt_of(link: pd.DataFrame, events: pd.DataFrame) -> tuple[str, pd.DataFrame]:
+    """Returns the RTT with its source: measured by the probe, else as the mobile node knows it.
     Virtual runs have no probe."""
     probe = series(link, "probe_rtt_ms")
     own = events[(events["type"] == "rtt_sample") & (events["node"] == "mobile")]
     if len(probe) or "rtt_ms" not in own:
         return "measured", probe
+    source, own = known_rtt(own)
     known = pd.DataFrame({"t_s": own["t_ns"] / 1e9, "value": own["rtt_ms"].astype(float)})
-    return "smoothed by TCP", known.dropna()
+    return source, known.dropna()
 
 
 def times_of(events: pd.DataFrame, kind: str) -> list[float]:

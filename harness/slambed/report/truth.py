@@ -13,6 +13,7 @@ from slambed.metrics.comparison import fisher
 from slambed.metrics.stages import delays
 from slambed.metrics.statistics import finite
 from slambed.report.compute_times import CLOSE, compute_times
+from slambed.report.kept_events import from_part, with_events
 from slambed.report.load import Results
 from slambed.report.tables import Table
 from slambed.spec.device import VIRTUAL
@@ -25,6 +26,7 @@ CELL_KEYS = ["plain_label", "dataset", "profile"]
 TARGET_PERCENT = 15.0
 """Medians within this percentage count as the same (docs/explanation/virtual-time.md)."""
 USUAL_ALPHA = 0.05
+UPDATES = ("update_applied",)
 
 
 @dataclass(frozen=True)
@@ -46,7 +48,7 @@ def _part(name: str) -> Callable[[Results, pd.DataFrame], Values]:
     def values(results: Results, rows: pd.DataFrame) -> Values:
         found = []
         for key in rows["run_key"]:
-            log = results.events(key, ("update_applied",))
+            log = results.events(key, UPDATES)
             delay = delays(log).get(name) if log is not None else None
             found.append(delay.median_ms if delay is not None else None)
         return finite(found)
@@ -61,7 +63,7 @@ QUANTITIES = (
     Quantity("T_Total", "ms", _summary("update_delay_ms_median")),
     Quantity("T_MU (update delay)", "ms", _part("T_MU")),
     Quantity("frames dropped", "", _summary("frames_dropped")),
-    Quantity("keyframes", "", _summary("keyframes")),
+    Quantity("keyframes in the map", "", _summary("keyframes")),
     Quantity("ATE RMSE", "cm", _summary("ate_rmse_m", 100)),
     Quantity("mobile CPU", OF_A_CORE, _summary("mobile_cpu_percent_mean")),
     Quantity("mobile CPU", OF_THE_DEVICE, _summary("mobile_cpu_device_percent")),
@@ -83,7 +85,10 @@ def truth_table(live: Results, virtual: Results) -> Table:
     table = Table(
         "truth",
         f"Virtual ({virtual.folder}) against live ({live.folder}), medians (least to most) of "
-        f"runs; aim: within {TARGET_PERCENT:g} %" + _compute_times(live, virtual),
+        f"runs; aim: within {TARGET_PERCENT:g} %"
+        + _compute_times(live, virtual)
+        + _without(live)
+        + _without(virtual),
         ["cell", "quantity", "live", "virtual", "error", "error %", "within"],
         words=2,
     )
@@ -114,6 +119,13 @@ def _compute_times(live: Results, virtual: Results) -> str:
         if time.virtual and time.device in ran and (ratio := time.ran_ms / ran[time.device])
     ]
     return "".join(lines)
+
+
+def _without(results: Results) -> str:
+    """Returns from which runs T_MU is, if some have no events."""
+    runs = results.valid_runs[results.valid_runs["device_edge"].notna()]
+    part = from_part(with_events(results, runs, UPDATES), runs)
+    return f". T_MU of {results.folder}: {part}" if part else ""
 
 
 def _cells(results: Results, virtual: bool) -> dict[tuple[str, ...], pd.DataFrame]:

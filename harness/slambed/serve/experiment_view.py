@@ -14,6 +14,7 @@ from slambed.metrics.metric import Metric
 from slambed.report.cells import Cell, cells_of, metrics_to_show, number, text
 from slambed.report.compute_times import compute_times
 from slambed.report.load import Results, load
+from slambed.report.not_measured import not_measured
 from slambed.report.overview import Overview, overviews
 from slambed.report.tables import Table, cell_tables
 from slambed.serve.guard import PART
@@ -67,6 +68,8 @@ class LoadedExperiment:
         for time in compute_times(results):
             if (warning := time.warning(results.name)) is not None:
                 results.complain(warning)
+        for line in not_measured(results):
+            results.complain(line)
         metrics = metrics_to_show(results)
         return cls(results, metrics, cells_of(results, metrics))
 

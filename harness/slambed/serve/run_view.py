@@ -16,7 +16,7 @@ from slambed.data.trajectory import EMPTY, Trajectory, read_tum
 from slambed.errors import SlambedError
 from slambed.explain.run_log import RunLog, read_run
 from slambed.files.json_file import object_or_empty
-from slambed.metrics.network import curve
+from slambed.metrics.network import curve, known_rtt
 from slambed.metrics.summary import Summary
 from slambed.records.manifest import Manifest
 from slambed.report.alignment import alignment_of, played
@@ -202,13 +202,8 @@ def _series(log: RunLog) -> list[dict[str, Any]]:
         add("RTT", "measured by the probe", "ms", *curve(log.link, "probe_rtt_ms"))
     rtt_samples = log.of("rtt_sample", node="mobile")
     if len(rtt_samples):
-        chosen = (
-            rtt_samples[rtt_samples["source"] == "tcp_info"]
-            if "source" in rtt_samples
-            else rtt_samples
-        )
-        chosen = chosen if len(chosen) else rtt_samples
-        add("RTT", "as the mobile node knows it", "ms", *_columns(chosen, "rtt_ms"))
+        source, chosen = known_rtt(rtt_samples)
+        add("RTT", source, "ms", *_columns(chosen, "rtt_ms"))
     frames = log.of("frame_tracked")
     if "track_ms" in frames:
         add("tracking", "tracking step", "ms", *_columns(frames, "track_ms"))

@@ -206,7 +206,7 @@ class Site:
             expected=loaded.results.expected,
             there=len(loaded.results.runs),
             valid=len(loaded.results.valid_runs),
-            problems=loaded.results.problems,
+            problems=[*loaded.results.stand_ins, *loaded.results.problems],
             options=options,
             chosen=chosen,
             told=told(loaded.results),

@@ -125,6 +125,13 @@ def test_events_that_cannot_be_read_are_named(packed: Path, tmp_path: Path) -> N
     assert "events.parquet: unreadable" in line and not (tmp_path / "new.tar.xz").exists()
 
 
+def test_events_of_whole_runs_cannot_be_chosen(packed: Path, tmp_path: Path) -> None:
+    file = tmp_path / "whole.tar.xz"
+    asked = ("--whole", "--events", "loop_closed", "-o", str(file), *of(tmp_path / "here"))
+    line = refused(ExitCode.BAD_INPUT, "results", "pack", *asked)
+    assert "--whole keeps all events; leave out --events" in line and not file.exists()
+
+
 def test_what_is_there_and_valid_stays(packed: Path, tmp_path: Path) -> None:
     here = tmp_path / "here"
     plan = (here / "tiny" / "experiment.json").read_bytes()

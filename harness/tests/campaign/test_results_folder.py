@@ -2,6 +2,7 @@
 """The results folder: complete or missing runs, attempts, views and the ledger."""
 
 import json
+import re
 from pathlib import Path
 
 import pytest
@@ -176,6 +177,34 @@ def test_what_no_plan_names_can_be_freed(tmp_path: Path) -> None:
     assert code == ExitCode.OK and folder.store.keys() == sorted(s.run_key for s in wanted)
     (folder.path / "experiment.json").write_text("{")
     assert "is not whole" in refused(ExitCode.BAD_INPUT, "results", "prune", "--yes", *place)
+
+
+def test_runs_made_with_other_settings_stay_unless_they_are_meant(tmp_path: Path) -> None:
+    folder = ResultFolder(tmp_path / "tiny")
+    folder.create()
+    planned = run_spec()
+    with_set, older = run_spec(params={"x": 7}), run_spec(software="older")
+    gone = run_spec(experiment="gone", seed=9)
+    for spec in (planned, with_set, older, gone):
+        finished(folder, spec)
+    listed = {"run_key": planned.run_key, **planned.model_dump(mode="json")}
+    folder.write_json("experiment.json", {"runs": [listed]})
+    folder.close()
+    place = ("--results", str(tmp_path))
+    code, out, err = slambed("results", "prune", *place)
+    assert code == ExitCode.OK, err
+    lines = [re.sub(r"[0-9.]+ MB", "MB", line) for line in out.splitlines()]
+    assert lines == [
+        "gone, which has no plan here: 1 runs, MB",
+        "tiny, made with other settings than those of its last plan: 1 runs, MB; "
+        "they stay without --other-settings",
+        "tiny, of other sources: 1 runs, MB",
+        "would remove 2 runs, MB; give --yes to do it",
+    ]
+    assert slambed("results", "prune", "--yes", *place)[0] == ExitCode.OK
+    assert folder.store.keys() == sorted([planned.run_key, with_set.run_key])
+    assert slambed("results", "prune", "--other-settings", "--yes", *place)[0] == ExitCode.OK
+    assert folder.store.keys() == [planned.run_key]
 
 
 def test_status_of_nothing_says_how_to_begin(tmp_path: Path) -> None:

@@ -13,6 +13,7 @@ from data_samples import one_line, write_tum
 
 from slambed.campaign import plan
 from slambed.data.catalog import Catalog
+from slambed.data.download import how_to_get
 from slambed.data.trajectory import read_groundtruth
 from slambed.errors import ExitCode, MissingDataError
 from slambed.native import repository_root
@@ -46,7 +47,7 @@ def test_every_experiment_has_something_to_play(name: str, tmp_path: Path) -> No
     listed = "\n".join(plan.notes(experiment, Library()))
     for dataset in experiment.datasets:
         if wanted := catalog.stands_in_for(dataset, tmp_path):
-            assert f"is played instead of {wanted.id}: numbers of the two cannot be" in listed
+            assert f"dataset {dataset}: the recorded sequence ({wanted.id}) was not" in listed
 
 
 def test_a_camera_path_comes_with_the_checkout(tmp_path: Path) -> None:
@@ -87,12 +88,20 @@ def test_check_reports_what_stands_in() -> None:
     assert code == ExitCode.OK, err
     good, note, *_ = out.splitlines()
     assert good.endswith("good")
-    # The note lists the stand-in, the original, the consequence and the remedy, but nothing about
-    # the recording.
+    # The note begins with the name that the experiment's file has. Nothing offers redkitchen.
     assert note == (
-        "note: synthetic_room is played instead of redkitchen: numbers of the two cannot be "
-        "compared. redkitchen: no public download has it"
+        "note: dataset peer_redkitchen: the recorded sequence (redkitchen) was not found, so "
+        "synthetic_room is used; numbers of the two cannot be compared"
     )
+
+
+def test_what_is_missing_has_a_remedy_that_gets_it() -> None:
+    catalog = Catalog.load()
+    recorded, generated = catalog.get("fr3_long_office_household"), catalog.get("synthetic_room")
+    assert "slambed data download fr3_long_office_household" in how_to_get(recorded)
+    assert how_to_get(generated) == "generate it with 'slambed data prepare synthetic_room'"
+    line = refused(ExitCode.BAD_INPUT, "data", "download", "synthetic_room")
+    assert "is not downloaded; generate it with 'slambed data prepare synthetic_room'" in line
 
 
 def test_check_reports_a_dataset_that_is_missing(tmp_path: Path) -> None:

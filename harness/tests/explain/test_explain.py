@@ -93,7 +93,7 @@ def test_losses_and_states_are_where_they_happened(offloaded: RunLog, figure: Fi
         assert {line.get_color() for line in dashed} == {LOSS_COLOR}
     top = figure.axes[0]
     assert names(top) == [
-        "tracking", "dropped frames", "keyframes", "updates applied", "declined"
+        "tracking", "dropped frames", "keyframes created", "updates applied", "declined"
     ]  # fmt: skip
     strips = [c for c in top.collections if isinstance(c, PolyCollection)]
     states = offloaded.of("frame_tracked")["state"]

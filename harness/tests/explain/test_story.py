@@ -51,6 +51,11 @@ def test_many_changes_of_state_are_counted() -> None:
     assert len(few) == MOST_CHANGES and not any("more" in line for line in few)
 
 
+def test_made_keyframes_are_not_taken_for_those_left_in_the_map() -> None:
+    made = {"t_ns": 10**9, "type": "keyframe_created", "node": "mobile", "keyframe": 1}
+    assert story(log_of(made))[0].endswith("; 1 keyframe created")
+
+
 def test_a_system_without_states_has_no_line_of_them() -> None:
     assert not any("state" in line for line in story(log_of()))
 

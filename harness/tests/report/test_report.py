@@ -5,6 +5,7 @@ import json
 import re
 import shutil
 from html.parser import HTMLParser
+from io import StringIO
 from pathlib import Path
 
 import matplotlib.image
@@ -328,15 +329,28 @@ def test_missing_runs_of_the_plan_are_reported(experiment: Path) -> None:
     results = load(experiment)
     assert results.title == "Planned"
     assert "edgeslam:static/room_walk/none: 1 runs missing" in results.problems
-    assert metrics_to_show(results)[0].key == "keyframes"
+    assert metrics_to_show(results)[0].heading == "keyframes in the map"
 
 
-def test_a_title_says_what_is_played_instead_of_what(experiment: Path) -> None:
+def test_a_report_says_once_what_is_used_instead_of_what(experiment: Path) -> None:
     content = {"experiment": {"title": "Kitchen"}, "stand_ins": {"a_room": "redkitchen"}}
-    (experiment / "experiment.json").write_text(json.dumps(content))
-    assert load(experiment).title == (
-        "Kitchen [a_room is played instead of redkitchen: numbers of the two cannot be compared]"
+    line = (
+        "the recorded sequence (redkitchen) was not found, so a_room is used; numbers of the two "
+        "cannot be compared"
     )
+    (experiment / "experiment.json").write_text(json.dumps(content))
+    assert load(experiment).stand_ins == [line]  # results of before do not name the dataset
+    content["datasets"] = {"quickstart": "a_room", "hall": "hall"}
+    (experiment / "experiment.json").write_text(json.dumps(content))
+    results = load(experiment)
+    assert results.title == "Kitchen" and results.stand_ins == [f"dataset quickstart: {line}"]
+    paths = write_report(experiment, figures=False)
+    for file in (paths.html, paths.markdown):
+        assert file.read_text().count(f"dataset quickstart: {line}") == 1
+    shown = {said: StringIO() for said in (False, True)}
+    for said, out in shown.items():
+        terminal_summary(experiment, Console(file=out, width=300), said=said)
+    assert shown[False].getvalue().count(line) == 1 and line not in shown[True].getvalue()
 
 
 def test_the_summary_reports_engine_and_devices(reported: Path) -> None:

@@ -98,8 +98,8 @@ def test_a_report_says_what_each_link_was(both: Results) -> None:
     assert found.rows == [
         ["none", "-", "-", "-", "-"],
         [
-            "ramp_85", "0 to 85", "rate 4 Mbit/s, queue 65,536 bytes; loss 1.000%", "loss 1.000%",
-            "silence of 2 s at 5 s; traffic is dropped",
+            "ramp_85", "0 to 85", "rate 4 Mbit/s, queue 65,536 bytes; loss 1.000%",
+            "rate unlimited; loss 1.000%", "silence of 2 s at 5 s; traffic is dropped",
         ],
     ]  # fmt: skip
 

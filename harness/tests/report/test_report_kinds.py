@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Reports name the kind of their runs: virtual, in two groups, failing, none at all."""
 
+import html
 import json
 import re
 from pathlib import Path
@@ -99,6 +100,47 @@ def test_failures_stand_beside_the_survivors_accuracy(tmp_path: Path) -> None:
     note = next(note for note in cell.notes if "tracked less than" in note)
     assert note.startswith("3 of 5 runs")
     assert "the median run failed" in note
+
+
+def test_a_metric_that_no_run_has_is_named_with_the_reason(tmp_path: Path) -> None:
+    folder = write_experiment(tmp_path, [(spec_of("orbslam2", "default", None, 0), RawRun(4.0))])
+    asked = ["coverage", "ate_rmse_m", "rpe_trans_m", "update_wait_ms_median", "first_loss_s"]
+    report = {"metrics": [*asked, "keyframes_sent", "faults", "not_completed"]}
+    content = {"experiment": {"title": "T", "report": report}}
+    (folder / "experiment.json").write_text(json.dumps(content))
+    (file,) = folder.glob("runs/*/summary.json")
+    summary = json.loads(file.read_text())
+    without = {"ate_rmse_m": None, "rpe_trans_m": None, "groundtruth": None}
+    file.write_text(json.dumps(summary | without))
+    expected = [
+        "ate_rmse_m, rpe_trans_m: asked for, but no run has a ground truth",
+        "update_wait_ms_median: asked for, but no run has a value, and none has an edge "
+        "(T_Wait: the pacing of updates (`sync_period_s`))",
+        "first_loss_s: asked for, but no run has a value, and none has an edge "
+        "(sequence time of the first loss; null when none)",
+        "keyframes_sent: asked for, but no system of these runs reports it",
+    ]
+    paths = write_report(folder, figures=False)
+    assert [line for line in paths.problems if "asked for" in line] == expected
+    assert all(html.escape(line) in paths.html.read_text() for line in expected)
+    (events,) = folder.glob("runs/*/events.parquet")
+    events.unlink()
+    file.write_text(json.dumps(summary | without | {"metrics_version": "1"}))
+    assert (
+        "update_wait_ms_median, first_loss_s: asked for, but the numbers are of an older version, "
+        "and no run has events to compute it from"
+    ) in write_report(folder, figures=False).problems
+
+
+def test_what_only_live_runs_measure_is_named_so(tmp_path: Path) -> None:
+    spec = spec_of("orbslam2", "default", None, 0, engine="virtual")
+    folder = write_experiment(tmp_path, [(spec, RawRun(4.0, edge=False))])
+    asked = {"metrics": ["rtt_error_ms_median", "host_stall_ms_max", "coverage"]}
+    content = {"experiment": {"title": "T", "report": asked}}
+    (folder / "experiment.json").write_text(json.dumps(content))
+    assert write_report(folder, figures=False).problems == [
+        "rtt_error_ms_median, host_stall_ms_max: asked for, but only live runs measure it"
+    ]
 
 
 def test_a_report_reports_the_faults_of_its_runs(tmp_path: Path) -> None:

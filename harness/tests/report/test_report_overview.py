@@ -2,17 +2,23 @@
 """The first screen of a report: one sentence, one picture, one table; the rest is folded."""
 
 import re
+import shutil
 from pathlib import Path
 
 import pandas as pd
 import pytest
+from command_line import refused, slambed
 from results_factory import losing
 
+from slambed.errors import ExitCode
 from slambed.report import overview
-from slambed.report.conditions import median_run
+from slambed.report.compute_times import compute_times
+from slambed.report.conditions import median_run, typical_run
 from slambed.report.experiment import write_report
 from slambed.report.load import Results, load
 from slambed.report.overview import overviews
+from slambed.report.rounds import update_round_tables
+from slambed.report.timeline import rtt_of
 from slambed.report.told import told
 
 LOST = ("0000000000000001", "0000000000000002")
@@ -67,6 +73,29 @@ def test_the_picture_has_link_states_losses_updates_and_tracking(experiment: Pat
     assert "<title>track lost" not in alone and "<title>map update" not in alone
 
 
+@pytest.mark.parametrize(
+    ("sources", "words", "value"),
+    [
+        (["tcp_info"], "smoothed by TCP", 7.0),
+        (["echo"], "by echo", 7.0),
+        (["probe"], "by the system's probe", 7.0),
+        (["probe", "tcp_info"], "smoothed by TCP", 8.0),
+        ([None], "as the mobile node knows it", 7.0),
+    ],
+)
+def test_the_source_of_an_rtt_is_named_and_two_are_not_mixed(
+    sources: list[str | None], words: str, value: float
+) -> None:
+    events = pd.DataFrame(
+        {"t_ns": 10**9 * (i + 1), "type": "rtt_sample", "node": "mobile", "source": source,
+         "rtt_ms": 7.0 + i}
+        for i, source in enumerate(sources)
+    )  # fmt: skip
+    without_probe = pd.DataFrame({"t_s": [0.0], "series": ["asked_rtt_ms"], "value": [5.0]})
+    source, known = rtt_of(without_probe, events)
+    assert (source, list(known["value"])) == (words, [value])
+
+
 def test_every_mark_leads_to_the_time_line_of_its_run(page: str) -> None:
     start = page.index('<svg class="timeline overview"')
     svg = page[start : page.index("<figcaption>", start)]
@@ -88,6 +117,50 @@ def test_runs_without_events_leave_a_page_without_a_picture(tmp_path: Path) -> N
         path.unlink()
     text = write_report(experiment, figures=False).html.read_text()
     assert "timeline overview" not in text and "<table" in text
+
+
+def test_of_two_runs_the_worse_one_is_shown_and_called_so(experiment: Path) -> None:
+    results = load(experiment)
+    (picture,) = overviews(results)
+    both = results.runs.set_index("run_key").loc[list(LOST)]
+    assert both["coverage"].nunique() == 1 and picture.shown[1] == both["ate_rmse_m"].idxmax()
+    assert picture.svg.count("worse of 2: ") == 1
+
+
+def test_tables_of_events_say_how_many_runs_have_any(tmp_path: Path) -> None:
+    experiment = losing(tmp_path)
+    (whole,) = overviews(load(experiment))
+    assert whole.part == ""
+    results = load(experiment)
+    (table,) = update_round_tables(results)
+    assert "have no events" not in table.caption
+    without = whole.shown[1]
+    (experiment / "runs" / without / "events.parquet").unlink()
+    results = load(experiment)
+    (picture,) = overviews(results)
+    assert {without, picture.shown[1]} == set(LOST)
+    assert picture.part == "from 2 of 3 runs, the others have no events"
+    (table,) = update_round_tables(results)
+    assert "; from 1 of 2 runs, the others have no events" in table.caption
+    page = write_report(experiment, figures=False).html.read_text()
+    assert f"The strips were chosen {picture.part}." in page and table.caption in page
+    place = ("--results", str(experiment.parent))
+    code, out, _ = slambed("report", experiment.name, "--losses", *place)
+    assert code == 0 and "note: losses from 2 of 3 runs, the others have no events" in out
+    for path in experiment.glob("runs/*/events.parquet"):
+        path.unlink()
+    line = refused(ExitCode.BAD_INPUT, "report", experiment.name, "--losses", *place)
+    assert "no run has its events" in line
+
+
+def test_compute_times_are_those_of_a_run_with_events(experiment: Path, tmp_path: Path) -> None:
+    copy = tmp_path / "invented"
+    shutil.copytree(experiment, copy)
+    (copy / "runs" / LOST[0] / "events.parquet").unlink()
+    results = load(copy)
+    (time,) = compute_times(results.only(results.runs["run_key"].isin(LOST).tolist()))
+    (other,) = compute_times(results.only(results.runs["run_key"].eq(LOST[1]).tolist()))
+    assert time == other
 
 
 def runs(*rows: tuple[str, str, bool]) -> Results:
@@ -132,7 +205,10 @@ def test_the_median_run_counts_a_failure_as_worse_than_any_error() -> None:
     )
     # Best to worst: c, e, a, b (most frames lost), d (nothing tracked).
     assert median_run(rows) == "a"
-    assert median_run(rows.iloc[:4]) == "a"
+    # Of an even number no run is the middle one: the better one would flatter the system.
+    assert median_run(rows.iloc[:4]) == "b"
+    assert median_run(rows.iloc[[0, 2]]) == "a"
+    assert typical_run(rows.iloc[[0, 2]]) == "a" and typical_run(rows.iloc[:3]) == "c"
     assert median_run(rows.iloc[:0]) is None
 
 

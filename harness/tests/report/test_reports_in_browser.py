@@ -151,6 +151,26 @@ def test_a_report_prints_and_reads_without_its_script_as_with_it(
     assert abs(len(with_script) - len(without)) < 0.02 * len(without)
 
 
+PRINTED_PX = 720
+"""Width of a sheet's text at the resolution of CSS."""
+FILLED = """(() => {
+  const place = document.querySelector('.figures').getBoundingClientRect();
+  const heights = [...document.querySelectorAll('.figures > figure')].map((figure) => {
+    const top = figure.getBoundingClientRect().top;
+    return figure.querySelector('figcaption').getBoundingClientRect().bottom - top;
+  });
+  return heights.reduce((sum, height) => sum + height, 0) / (2 * place.height);
+})()"""
+
+
+def test_figures_of_a_printed_report_leave_no_large_gaps(report: Page) -> None:
+    report.size(PRINTED_PX)
+    report.ask("Emulation.setEmulatedMedia", media="print")
+    filled = report.value(FILLED)
+    report.ask("Emulation.setEmulatedMedia", media="")
+    assert filled > 0.85
+
+
 @pytest.fixture
 def folded(page: Page, lossy: Path) -> Page:
     """A report as it opens, of runs that lose track."""

@@ -52,7 +52,7 @@ def test_errors_are_those_of_the_medians(folders: tuple[Path, Path]) -> None:
     assert {"T_Total [ms]", "T_MU (update delay) [ms]"} <= offloaded.keys()
     # Without an edge there is no update delay.
     alone = {row[1] for row in table.rows if row[0].startswith("orbslam2")}
-    assert "T_Total [ms]" not in alone and "keyframes" in alone
+    assert "T_Total [ms]" not in alone and "keyframes in the map" in alone
 
 
 def test_losses_are_tested_exactly(folders: tuple[Path, Path]) -> None:
@@ -61,6 +61,18 @@ def test_losses_are_tested_exactly(folders: tuple[Path, Path]) -> None:
     lost = rows["edgeslam:static/room_walk/ramp_85"]
     assert lost[2:5] == ["0 of 4", "4 of 4", "p 0.03"] and lost[6] == "no"
     assert rows["orbslam2/room_walk"][6] == "yes"
+
+
+def test_the_caption_says_which_runs_have_no_events(folders: tuple[Path, Path]) -> None:
+    live, virtual = map(load, folders)
+    assert "no events" not in truth_table(live, virtual).caption
+    first = live.runs[live.runs["system"] == "edgeslam"].iloc[0]
+    events = folders[0] / "runs" / str(first["run_key"]) / "events.parquet"
+    content = events.read_bytes()
+    events.unlink()
+    caption = truth_table(live, virtual).caption
+    events.write_bytes(content)
+    assert caption.endswith(f". T_MU of {folders[0]}: from 3 of 4 runs, the others have no events")
 
 
 def test_two_live_results_are_no_truth(folders: tuple[Path, Path]) -> None:

@@ -118,7 +118,8 @@ def draw_paths(results: Results, condition: Condition, writer: FigureWriter) -> 
             made,
             file_name("trajectory", condition.dataset, condition.profile),
             title,
-            f"The run with the median ATE of each system, {how}.{color_is} Gaps: no pose.",
+            f"The run with the median ATE of each system, {how} (of an even number the worse of "
+            f"the two in the middle).{color_is} Gaps: no pose.",
             pd.concat(rows, ignore_index=True),
         )
 

@@ -10,6 +10,7 @@ import pandas as pd
 from slambed.metrics.events import EventLog
 from slambed.metrics.stages import delays, stage_times
 from slambed.report.conditions import Condition
+from slambed.report.kept_events import with_events
 from slambed.report.load import Results
 from slambed.report.style import (
     NAME_PT,
@@ -43,7 +44,7 @@ def draw_stages(results: Results, condition: Condition, writer: FigureWriter) ->
     for label, runs in condition.systems():
         times: dict[tuple[str, str], list[float]] = defaultdict(list)
         parts: dict[str, list[float]] = defaultdict(list)
-        for key in runs["run_key"].head(RUNS_READ):
+        for key in with_events(results, runs, STAGE_EVENTS)["run_key"].head(RUNS_READ):
             log = event_log(results, str(key))
             if log is None:
                 continue
