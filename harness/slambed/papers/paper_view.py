@@ -227,6 +227,10 @@ OUTCOME_WORDS: dict[str, tuple[str, str]] = {
     "in_part": ("is reversed in part", "are reversed in part"),
     "not_seen": ("is not seen", "are not seen"),
     "open": ("cannot be told", "cannot be told"),
+    "unshown": (
+        "is not shown by the paper's own numbers",
+        "are not shown by the paper's own numbers",
+    ),
     "waiting": ("has no number of ours", "have no number of ours"),
     "fitted": ("compares numbers set to match", "compare numbers set to match"),
 }
@@ -268,16 +272,25 @@ def is_generated(dataset: str) -> bool:
 def _outcomes(items: list[JudgedOrdering]) -> str:
     """Returns `11 of 24 orderings hold, 2 are reversed, 11 cannot be told`."""
     counts = Counter(outcome_of(item) for item in items)
+    unshown = {"unshown": _unshown(items)}
     if len(counts) == 1 and not counts["hold"]:
         (group,) = counts
-        return f"{_many(len(items), 'ordering')} {OUTCOME_WORDS[group][len(items) > 1]}"
+        words = OUTCOME_WORDS[group][len(items) > 1]
+        return f"{_many(len(items), 'ordering')} {words}{unshown.get(group, '')}"
     rest = [
-        f"{counts[group]} {words[counts[group] > 1]}"
+        f"{counts[group]} {words[counts[group] > 1]}{unshown.get(group, '')}"
         for group, words in OUTCOME_WORDS.items()
         if counts[group] and group != "hold"
     ]
     holding = f"{counts['hold'] or 'none'} of {_many(len(items), 'ordering')}"
     return ", ".join([f"{holding} {'hold' if counts['hold'] > 1 else 'holds'}", *rest])
+
+
+def _unshown(items: list[JudgedOrdering]) -> str:
+    """Returns ` (ours: reversed in 25 of 26 pairs)`: what ours show of orderings that the paper's
+    own numbers do not show; empty if nothing."""
+    shown = [i.holding.removeprefix("ours: ") for i in items if i.unshown in ("holds", "reversed")]
+    return f" (ours: {'; '.join(shown)})" if shown else ""
 
 
 def _many(number: int, word: str) -> str:

@@ -15,7 +15,7 @@ from slambed.metrics.comparison import holm
 from slambed.papers.verdicts import contrasts, rates, shares, statements
 from slambed.papers.verdicts.contrasts import Step, judge_blocks, judge_contrast, power_of
 from slambed.papers.verdicts.means import Effect, judge_mean
-from slambed.papers.verdicts.model import Mean, Share
+from slambed.papers.verdicts.model import LEVEL, Mean, Share
 from slambed.papers.verdicts.prediction import score, share_position
 from slambed.papers.verdicts.shares import chance_to_reproduce, judge_share
 from slambed.papers.verdicts.statements import (
@@ -369,7 +369,10 @@ def test_blocks_ask_for_one_order_on_all_sequences() -> None:
     wide = judge_blocks(mixed, paper, None, 10 * spread, few)
     assert wide.outcome == "too_few_runs" and wide.power is not None and wide.power < 0.9
     assert wide.runs_needed is not None and wide.runs_needed > 5
-    assert judge_blocks(paper, mixed).outcome == "not_shown_by_paper"
+    unshown = judge_blocks(paper, mixed)
+    assert unshown.outcome == "not_shown_by_paper"
+    assert unshown.p_holds <= LEVEL < unshown.p_reversed, "what ours show is not hidden"
+    assert np.isnan(judge_blocks(np.where(paper > 5, np.nan, paper), mixed).p_holds)
 
 
 # prediction

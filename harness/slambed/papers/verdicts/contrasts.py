@@ -222,12 +222,13 @@ def judge_blocks(
     for the power; without it, no power is computed."""
     formula = "Page's L over sequences, exact or by permutation (scipy); Kendall's tau-b described"
     p_paper = page(paper) if adjusted_p is None else adjusted_p
+    whole = bool(np.isfinite(ours).all())
+    p_holds, p_reversed = (page(ours), page(ours[:, ::-1])) if whole else (np.nan, np.nan)
     if p_paper > LEVEL:
         why = f"the paper's own numbers do not show it (p {p_paper:.2g})"
-        return Ordering("not_shown_by_paper", why, formula, p_paper=p_paper)
-    if not np.isfinite(ours).all():
+        return Ordering("not_shown_by_paper", why, formula, p_holds, p_reversed, p_paper)
+    if not whole:
         return Ordering("inconclusive", "a cell without runs of ours", formula, p_paper=p_paper)
-    p_holds, p_reversed = page(ours), page(ours[:, ::-1])
     tau = float(stats.kendalltau(ours.ravel(), paper.ravel()).statistic)
     why = f"p {min(p_holds, p_reversed):.2g}, tau-b ours / paper {tau:.2f}"
     base = Ordering("inconclusive", why, formula, p_holds, p_reversed, p_paper)
