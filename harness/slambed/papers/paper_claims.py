@@ -198,12 +198,13 @@ def _claim(engine: str, item: JudgedOrdering) -> ClaimLine:
 
 def _chance(item: JudgedOrdering) -> str:
     ordering = item.ordering
+    by = f", by {ordering.spread}" if ordering.spread else ""
     if item.kind == "not_seen" and ordering.power is not None:
-        return f"would have shown with a chance of {100 * ordering.power:.0f} %"
+        return f"would have shown with a chance of {100 * ordering.power:.0f} %{by}"
     if item.kind != "too_few_runs":
         return ""
     if ordering.runs_needed is not None:
-        return f"{ordering.runs_needed} runs per cell would decide"
+        return f"{ordering.runs_needed} runs per cell would decide{by}"
     tested = ordering.power is not None
     return f"more than {MOST_RUNS} runs per cell are needed" if tested else ""
 

@@ -204,7 +204,9 @@ def test_what_is_registered_today_goes_into_manifests(dynnetslam: Paper) -> None
 
 
 def test_powers_are_those_of_the_printed_numbers(dynnetslam: Paper) -> None:
-    rows = {row[0]: row for row in ordering_powers(dynnetslam, (10, 30)).rows}
+    table = ordering_powers(dynnetslam, (10, 30))
+    assert "spread assumed, 20% of a mean; a page takes that of its runs" in table.caption
+    rows = {row[0]: row for row in table.rows}
     assert float(rows["dynnet.O03"][2]) == pytest.approx(0.14, abs=0.04)
     assert float(rows["dynnet.O03"][3]) == pytest.approx(0.92, abs=0.04)
     assert rows["dynnet.O03"][4] == "30"
