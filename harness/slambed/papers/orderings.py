@@ -13,7 +13,7 @@ from slambed.metrics.comparison import holm
 from slambed.papers.judged import Judge
 from slambed.papers.lookup import Missing
 from slambed.papers.margins import published_of, ratio_of
-from slambed.papers.measured import Measured
+from slambed.papers.measured import Measured, alike
 from slambed.papers.published import Contrast, Provenance, PublishedCell
 from slambed.papers.verdicts.contrasts import (
     Ordering,
@@ -130,6 +130,22 @@ class JudgedOrdering:
             return ""
         other = f", {parts['reversed']} reversed" if parts["reversed"] else ""
         return f"{parts['holds']} of {len(self.chains)} {self.chain_words[1]} hold{other}"
+
+    @property
+    def floor(self) -> str:
+        """Returns `no run of ours lost track: nothing to compare`; empty where ours can differ, or
+        show the ordering."""
+        if self.kind == "holds":
+            return ""
+        found = Counter(filter(None, (alike([m for _, m in chain]) for chain in self.chains)))
+        whole = found.total() == len(self.chains)
+        parts = [
+            words
+            if whole and len(found) == 1
+            else f"in {number} of {len(self.chains)} {self.chain_words[1]} {words}"
+            for words, number in found.items()
+        ]
+        return f"{', '.join(parts)}: nothing to compare{'' if whole else ' there'}" if parts else ""
 
     def _unshown_words(self, parts: "Counter[str]") -> str:
         if self.unshown == "holds":

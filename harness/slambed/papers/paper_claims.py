@@ -52,7 +52,7 @@ class ClaimLine:
     chance: str
     """The chance that it would have shown, or how many runs would decide; else empty."""
     pairs: str
-    """`8 of 9 pairs hold`; empty for a single pair."""
+    """`8 of 9 pairs hold`, empty for a single pair; and where ours cannot differ, why."""
     others: list[PairLine]
     """The pairs besides the shown one, failing ones first."""
     chain_words: tuple[str, str]
@@ -190,7 +190,7 @@ def _claim(engine: str, item: JudgedOrdering) -> ClaimLine:
         contrast.id,
         weak,
         chance,
-        item.holding,
+        "; ".join(filter(None, (item.holding, item.floor))),
         item.others,
         item.chain_words,
     )

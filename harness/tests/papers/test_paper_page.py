@@ -265,6 +265,30 @@ def test_what_the_paper_does_not_show_does_not_hide_what_ours_show(
     assert "(ours" not in headline and "<b>ours: not shown either</b>" in html
 
 
+def test_where_ours_cannot_differ_the_page_says_why(dynnetslam: Paper, tmp_path: Path) -> None:
+    def shown(lost: dict[str, list[int]]) -> tuple[dict[str, str], PaperPage]:
+        page = write_paper_page(dynnetslam, [table_2(lost, 100)], tmp_path)
+        assert page.verdicts is not None
+        lines = claim_lines(page.verdicts.columns[0], every=True)
+        return {line.anchor.partition(".")[2]: line.pairs for line in lines}, page
+
+    never = "no run of ours lost track: nothing to compare"
+    floor, page = shown({"conventional": [0] * 5, "static": [0] * 5})
+    assert floor["O03"] == f"0 of 5 pairs hold; {never}"
+    assert floor["O04"] == floor["O05"] == never
+    html = page.html.read_text()
+    assert html.count(f"<b>{never}</b>") == 2 and any(never in line for line in page.lines)
+    entry = html[html.index('id="v-dynnet.T2.enhanced.rtt60"') :].split("</tr>")[0]
+    assert "0 (0/100)" in entry and "; no run of ours lost track" in entry
+    always, _ = shown({"conventional": [100] * 5, "static": [100] * 5})
+    assert always["O04"] == "every run of ours lost track: nothing to compare"
+    some, _ = shown({"conventional": [60, 60, 60, 0, 0], "static": [5, 5, 5, 0, 0]})
+    where = "in 2 of 5 pairs no run of ours lost track: nothing to compare there"
+    assert some["O03"] == f"3 of 5 pairs hold; {where}"
+    equal, _ = shown({"conventional": [5] * 5, "static": [5] * 5})
+    assert "nothing to compare" not in " ".join(equal.values())
+
+
 def test_too_few_runs_say_how_many_would_decide(dynnetslam: Paper, tmp_path: Path) -> None:
     results = table_2({"conventional": [2, 2, 3, 3, 3], "static": [1, 2, 2, 3, 2]}, 10)
     page = write_paper_page(dynnetslam, [results], tmp_path)
