@@ -123,7 +123,7 @@ class JudgedOrdering:
     def holding(self) -> str:
         """Returns `8 of 9 pairs hold`, with the number of reversed pairs; empty for a single
         pair. Where the paper's own numbers show nothing: `ours: reversed in 25 of 26 pairs`."""
-        parts = Counter(part.outcome for part in self.ordering.parts)
+        parts: Counter[str] = Counter(part.outcome for part in self.ordering.parts)
         if self.unshown is not None:
             return f"ours: {self._unshown_words(parts)}"
         if not parts:
@@ -147,7 +147,7 @@ class JudgedOrdering:
         ]
         return f"{', '.join(parts)}: nothing to compare{'' if whole else ' there'}" if parts else ""
 
-    def _unshown_words(self, parts: "Counter[str]") -> str:
+    def _unshown_words(self, parts: Counter[str]) -> str:
         if self.unshown == "holds":
             return "holds"
         counted = {"holds in": parts["holds"], "reversed in": parts["reversed"]}

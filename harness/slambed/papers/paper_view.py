@@ -24,7 +24,7 @@ from slambed.papers.paper_runs import experiments_of
 from slambed.papers.published import Paper, PublishedTable
 from slambed.papers.published.paper_plan import read_plan
 from slambed.papers.reasons import GROUP_WORDS, REASON_WORDS, count, reason_of
-from slambed.papers.registered import PlanLine, plan_lines, plan_words
+from slambed.papers.registered import PlanLine, experiments_behind, plan_lines, plan_words
 from slambed.report.load import Results
 
 MARK_WORDS: dict[Mark, str] = MARKS | {
@@ -325,7 +325,7 @@ def circumstance(
 ) -> Circumstance:
     """Returns engine, devices, commit, seeds, plan and runs per number."""
     paper = verdicts.paper
-    used = [r for r in experiments if r.name in _experiments(column)]
+    used = [r for r in experiments if r.name in experiments_behind(column)]
     commits = sorted({c[:7] for r in used for c in r.facts.get("commit", {})})
     counts = [_runs_of(r) for r in column.rows.values() if r.measured.there]
     engine = column.engine
@@ -337,8 +337,7 @@ def circumstance(
         span = f"{min(counts)}" if min(counts) == max(counts) else f"{min(counts)} to {max(counts)}"
         parts.append(f"{span} runs per number")
     plan = read_plan(paper.id)
-    played = {r.name for r in experiments if (r.valid_runs["engine"] == column.engine).any()}
-    lines = plan_lines(paper, plan, column, used, played)
+    lines = plan_lines(paper, plan, column, experiments)
     parts.append(plan_words(lines, plan, bool(engine)))
     return Circumstance(
         engine,
@@ -362,14 +361,6 @@ def _seeds(results: Results) -> str:
         return ""
     seeds = sorted({int(seed) for seed in results.valid_runs["seed"].dropna()})
     return f"{seeds[0]} to {seeds[-1]}" if len(seeds) > 1 else ", ".join(map(str, seeds))
-
-
-def _experiments(column: Column) -> set[str]:
-    numbers = {key[0] for row in column.rows.values() for key in row.measured.keys}
-    orderings = {
-        key[0] for o in column.orderings for chain in o.chains for _, m in chain for key in m.keys
-    }
-    return numbers | orderings
 
 
 def twelve_lines(verdicts: PaperVerdicts, experiments: list[Results]) -> list[str]:

@@ -116,8 +116,10 @@ def test_what_was_not_as_planned_is_reported(dynnetslam: Paper) -> None:
     assert bad(dynnetslam, wanted, results(plan=wanted)) == [
         "not_begun: nothing played, 30 runs a cell were planned."
     ]
-    column = compare_paper(dynnetslam, pool_of([one]), []).columns[0]
-    lines = plan_lines(dynnetslam, wanted, column, [results(plan=wanted)], {"not_begun"})
+    unused = results(plan=wanted)
+    unused.folder = unused.folder.with_name("not_begun")
+    unused.runs["run_key"] = "other" + unused.runs["run_key"]
+    lines = plan_lines(dynnetslam, wanted, column, [one, unused])
     assert lines[-1].text == "not_begun: played, but no number could be taken from its runs."
     other = plan_of(dynnetslam, devices={"mobile": "jetson"})
     reported = bad(dynnetslam, other, results(plan=other))
