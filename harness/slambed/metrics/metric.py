@@ -112,9 +112,12 @@ class Metric:
         return isinstance(value, PYTHON_TYPES[self.type])
 
     def show(self, value: float | None) -> str:
-        """Formats the value in the shown unit; a dash if it was not measured."""
+        """Formats the value in the shown unit; a dash if it was not measured. The median of two
+        counts may lie between them: 0.5 stays 0.5."""
         if value is None or value != value:
             return "-"
         if value == float("inf"):
             return "failed"
-        return f"{value * self.scale:.{self.digits}f}"
+        value *= self.scale
+        between = self.type == "count" and not self.digits and round(value % 1, 6) not in (0, 1)
+        return f"{value:.{1 if between else self.digits}f}"

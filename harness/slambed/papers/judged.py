@@ -9,7 +9,7 @@ from typing import Literal, cast
 from slambed.papers.fitted import OWN_DATA, SET_TO_MATCH, far_off
 from slambed.papers.lookup import MISSING_WORDS, Found, Missing, Pool
 from slambed.papers.margins import firm_contrasts, margin_of_cell, published_of
-from slambed.papers.measured import NOTHING, Measured, measure
+from slambed.papers.measured import NOTHING, Measured, alike, measure
 from slambed.papers.published import BOUNDS, Contrast, Paper, Provenance, PublishedCell
 from slambed.papers.quantities import judge_quantity
 from slambed.papers.verdicts.means import judge_mean
@@ -180,7 +180,8 @@ class Judge:
             "stand_in": f"measured on {found.dataset}: direction only",
         }.get(provenance, verdict.why)
         beside = "" if claim is not None and claim.quantity is not None else self._beside(cell)
-        why = "; ".join(w for w in (cause, note, metric.note if metric else "", beside) if w)
+        told = metric.note if metric else ""
+        why = "; ".join(w for w in (cause, alike([measured]), note, told, beside) if w)
         position = None
         if provenance == "measured" and (claim is None or claim.quantity is None):
             position = self._position(cell, measured)

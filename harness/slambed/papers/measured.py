@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Our counterpart of a published number: one value per run in the paper's unit."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -62,6 +63,19 @@ class Measured:
 
 
 NOTHING: Floats = np.zeros(0)
+
+
+def alike(cells: Sequence[Measured]) -> str:
+    """Returns why our values at these coordinates cannot differ; empty if they can."""
+    if not all(cell.there for cell in cells):
+        return ""
+    if all(cell.is_share for cell in cells):
+        shares = {cell.share.value for cell in cells}
+        words = {0.0: "no run of ours lost track", 1.0: "every run of ours lost track"}
+        return words.get(shares.pop(), "") if len(shares) == 1 else ""
+    first, *others = (np.sort(cell.values) for cell in cells)
+    same = bool(others) and all(np.array_equal(first, other) for other in others)
+    return "ours are the same, run by run" if same else ""
 
 
 def measure(

@@ -4,6 +4,7 @@
 from collections import Counter
 from collections.abc import Mapping
 from dataclasses import dataclass
+from math import isnan
 from typing import Literal
 
 import numpy as np
@@ -12,7 +13,7 @@ from slambed.metrics.comparison import holm
 from slambed.papers.judged import Judge
 from slambed.papers.lookup import Missing
 from slambed.papers.margins import published_of, ratio_of
-from slambed.papers.measured import Measured
+from slambed.papers.measured import Measured, alike
 from slambed.papers.published import Contrast, Provenance, PublishedCell
 from slambed.papers.verdicts.contrasts import (
     Ordering,
@@ -107,14 +108,53 @@ class JudgedOrdering:
         return PARTLY.get(self.kind, KINDS[self.kind]) if some else KINDS[self.kind]
 
     @property
+    def unshown(self) -> OrderOutcome | None:
+        """Returns what ours show of an ordering that the paper's own numbers do not show:
+        `holds`, `reversed` (in one pair at least) or `not_seen`. None for every other ordering,
+        and without enough runs."""
+        p_holds, p_reversed = self.ordering.p_holds, self.ordering.p_reversed
+        if self.kind != "not_shown_by_paper" or isnan(p_holds):
+            return None
+        if p_holds <= LEVEL:
+            return "holds"
+        return "reversed" if p_reversed <= LEVEL else "not_seen"
+
+    @property
     def holding(self) -> str:
         """Returns `8 of 9 pairs hold`, with the number of reversed pairs; empty for a single
-        pair."""
-        parts = Counter(part.outcome for part in self.ordering.parts)
+        pair. Where the paper's own numbers show nothing: `ours: reversed in 25 of 26 pairs`."""
+        parts: Counter[str] = Counter(part.outcome for part in self.ordering.parts)
+        if self.unshown is not None:
+            return f"ours: {self._unshown_words(parts)}"
         if not parts:
             return ""
         other = f", {parts['reversed']} reversed" if parts["reversed"] else ""
         return f"{parts['holds']} of {len(self.chains)} {self.chain_words[1]} hold{other}"
+
+    @property
+    def floor(self) -> str:
+        """Returns `no run of ours lost track: nothing to compare`; empty where ours can differ, or
+        show the ordering."""
+        if self.kind == "holds":
+            return ""
+        found = Counter(filter(None, (alike([m for _, m in chain]) for chain in self.chains)))
+        whole = found.total() == len(self.chains)
+        parts = [
+            words
+            if whole and len(found) == 1
+            else f"in {number} of {len(self.chains)} {self.chain_words[1]} {words}"
+            for words, number in found.items()
+        ]
+        return f"{', '.join(parts)}: nothing to compare{'' if whole else ' there'}" if parts else ""
+
+    def _unshown_words(self, parts: Counter[str]) -> str:
+        if self.unshown == "holds":
+            return "holds"
+        counted = {"holds in": parts["holds"], "reversed in": parts["reversed"]}
+        found = [f"{words} {number}" for words, number in counted.items() if number]
+        if not found:
+            return "reversed" if self.unshown == "reversed" else "not shown either"
+        return f"{' and '.join(found)} of {len(self.chains)} {self.chain_words[1]}"
 
     @property
     def chain_words(self) -> tuple[str, str]:
@@ -252,7 +292,7 @@ def _value(measured: Measured) -> str:
 
 OUTCOMES: dict[OrderKind, str] = {
     "holds": "hold", "reversed": "reversed", "not_seen": "not_seen", "too_few_runs": "open",
-    "inconclusive": "open", "not_shown_by_paper": "open", "not_run": "waiting",
+    "inconclusive": "open", "not_shown_by_paper": "unshown", "not_run": "waiting",
     "half_run": "waiting", "no_events": "waiting", "no_number": "waiting",
 }  # fmt: skip
 """Outcome of an ordering -> its group in the headline."""
@@ -260,7 +300,7 @@ OUTCOMES: dict[OrderKind, str] = {
 
 def outcome_of(item: JudgedOrdering) -> str:
     """Returns an ordering's group, for headlines: hold, reversed, in_part, not_seen, open
-    (cannot be told), waiting (no runs of ours) or fitted."""
+    (cannot be told), unshown (by the paper's own numbers), waiting (no runs of ours) or fitted."""
     group = OUTCOMES[item.kind]
     if item.provenance == "fitted" and group in ("hold", "reversed", "not_seen"):
         return "fitted"

@@ -21,7 +21,8 @@ DEFINITIONS: dict[OrderKind, str] = {
     "too_few_runs": "our runs do not show it, and may well have missed it; beside it stands how "
     "many would decide",
     "inconclusive": "our runs do not show it, and nothing printed says how many would",
-    "not_shown_by_paper": "the paper's own numbers do not show it beyond doubt",
+    "not_shown_by_paper": "the paper's own numbers do not show it beyond doubt, so it cannot be "
+    "confirmed; what ours show stands beside it",
     "no_events": "our runs are kept without the events that the number is computed from",
 }
 NAMED = 2
@@ -51,7 +52,7 @@ class ClaimLine:
     chance: str
     """The chance that it would have shown, or how many runs would decide; else empty."""
     pairs: str
-    """`8 of 9 pairs hold`; empty for a single pair."""
+    """`8 of 9 pairs hold`, empty for a single pair; and where ours cannot differ, why."""
     others: list[PairLine]
     """The pairs besides the shown one, failing ones first."""
     chain_words: tuple[str, str]
@@ -92,13 +93,17 @@ def claim_lines(column: Column, every: bool = False) -> list[ClaimLine]:
     return [_claim(column.engine, o) for o in main]
 
 
-def claims_per_engine(columns: list[Column], paper: Paper) -> list[list[ClaimLine]]:
-    """Returns every main claim with its lines per kind of engine."""
+def claims_per_engine(
+    columns: list[Column], paper: Paper
+) -> tuple[list[list[ClaimLine]], list[list[ClaimLine]]]:
+    """Returns every ordering with its lines per kind of engine: the main claims, and the others."""
+    main = {line.anchor for column in columns for line in claim_lines(column)}
     found = [
-        [replace(line, note=spelled(line.note, paper)) for line in claim_lines(column)]
+        [replace(line, note=spelled(line.note, paper)) for line in claim_lines(column, every=True)]
         for column in columns
     ]
-    return [list(lines) for lines in zip(*found, strict=True)]
+    rows = [list(lines) for lines in zip(*found, strict=True)]
+    return [r for r in rows if r[0].anchor in main], [r for r in rows if r[0].anchor not in main]
 
 
 @dataclass(frozen=True)
@@ -112,18 +117,26 @@ class ClaimGroup:
 
 
 HEADINGS = {
-    "hold": "Held", "reversed": "Reversed", "in_part": "Reversed in part", "not_seen": "Not seen",
-    "open": "Cannot be told", "waiting": "No number of ours", "fitted": "Numbers were set to match",
-}  # fmt: skip
+    "hold": "Held",
+    "reversed": "Reversed",
+    "in_part": "Reversed in part",
+    "not_seen": "Not seen",
+    "open": "Cannot be told",
+    "unshown": "Not shown by the paper's own numbers",
+    "waiting": "No number of ours",
+    "fitted": "Numbers were set to match",
+}
 
 
 def claim_groups(column: Column) -> list[ClaimGroup]:
-    """Returns the main claims by outcome, with every further ordering that holds or is reversed."""
+    """Returns the main claims by outcome, with every further ordering that holds or is reversed,
+    or of which ours show more than the paper's own numbers."""
     main = {line.anchor for line in claim_lines(column)}
     by_outcome: dict[str, list[ClaimLine]] = {}
     for item, line in zip(column.orderings, claim_lines(column, every=True), strict=True):
         outcome = outcome_of(item)
-        if line.anchor in main or outcome in ("hold", "reversed", "in_part"):
+        told = outcome in ("hold", "reversed", "in_part") or item.unshown in ("holds", "reversed")
+        if line.anchor in main or told:
             by_outcome.setdefault(outcome, []).append(line)
     return [ClaimGroup(o, words, by_outcome[o]) for o, words in HEADINGS.items() if o in by_outcome]
 
@@ -177,7 +190,7 @@ def _claim(engine: str, item: JudgedOrdering) -> ClaimLine:
         contrast.id,
         weak,
         chance,
-        item.holding,
+        "; ".join(filter(None, (item.holding, item.floor))),
         item.others,
         item.chain_words,
     )
@@ -185,19 +198,20 @@ def _claim(engine: str, item: JudgedOrdering) -> ClaimLine:
 
 def _chance(item: JudgedOrdering) -> str:
     ordering = item.ordering
+    by = f", by {ordering.spread}" if ordering.spread else ""
     if item.kind == "not_seen" and ordering.power is not None:
-        return f"would have shown with a chance of {100 * ordering.power:.0f} %"
+        return f"would have shown with a chance of {100 * ordering.power:.0f} %{by}"
     if item.kind != "too_few_runs":
         return ""
     if ordering.runs_needed is not None:
-        return f"{ordering.runs_needed} runs per cell would decide"
+        return f"{ordering.runs_needed} runs per cell would decide{by}"
     tested = ordering.power is not None
     return f"more than {MOST_RUNS} runs per cell are needed" if tested else ""
 
 
 def definitions(columns: list[Column]) -> list[tuple[str, str]]:
     """Returns definitions of outcomes on this page that need an explanation."""
-    found = {line.kind for column in columns for line in claim_lines(column)}
+    found = {line.kind for column in columns for line in claim_lines(column, every=True)}
     return [(KINDS[kind].upper(), words) for kind, words in DEFINITIONS.items() if kind in found]
 
 

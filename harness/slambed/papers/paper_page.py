@@ -150,10 +150,12 @@ def _content(verdicts: PaperVerdicts, experiments: list[Results], target: Path) 
                 "links": [(name, links[name]) for name in made.experiments],
             }
         )
+    claims, further = claims_per_engine(verdicts.columns, verdicts.paper)
     return _look() | {
         "paper": verdicts.paper,
         "columns": columns,
-        "claims": claims_per_engine(verdicts.columns, verdicts.paper),
+        "claims": claims,
+        "further": further,
         "definitions": definitions(verdicts.columns),
         "twins": [twin(verdicts, t) for t in verdicts.paper.tables],
         "groups": [

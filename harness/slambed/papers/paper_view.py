@@ -24,7 +24,7 @@ from slambed.papers.paper_runs import experiments_of
 from slambed.papers.published import Paper, PublishedTable
 from slambed.papers.published.paper_plan import read_plan
 from slambed.papers.reasons import GROUP_WORDS, REASON_WORDS, count, reason_of
-from slambed.papers.registered import PlanLine, plan_lines, plan_words
+from slambed.papers.registered import PlanLine, experiments_behind, plan_lines, plan_words
 from slambed.report.load import Results
 
 MARK_WORDS: dict[Mark, str] = MARKS | {
@@ -227,6 +227,10 @@ OUTCOME_WORDS: dict[str, tuple[str, str]] = {
     "in_part": ("is reversed in part", "are reversed in part"),
     "not_seen": ("is not seen", "are not seen"),
     "open": ("cannot be told", "cannot be told"),
+    "unshown": (
+        "is not shown by the paper's own numbers",
+        "are not shown by the paper's own numbers",
+    ),
     "waiting": ("has no number of ours", "have no number of ours"),
     "fitted": ("compares numbers set to match", "compare numbers set to match"),
 }
@@ -268,16 +272,25 @@ def is_generated(dataset: str) -> bool:
 def _outcomes(items: list[JudgedOrdering]) -> str:
     """Returns `11 of 24 orderings hold, 2 are reversed, 11 cannot be told`."""
     counts = Counter(outcome_of(item) for item in items)
+    unshown = {"unshown": _unshown(items)}
     if len(counts) == 1 and not counts["hold"]:
         (group,) = counts
-        return f"{_many(len(items), 'ordering')} {OUTCOME_WORDS[group][len(items) > 1]}"
+        words = OUTCOME_WORDS[group][len(items) > 1]
+        return f"{_many(len(items), 'ordering')} {words}{unshown.get(group, '')}"
     rest = [
-        f"{counts[group]} {words[counts[group] > 1]}"
+        f"{counts[group]} {words[counts[group] > 1]}{unshown.get(group, '')}"
         for group, words in OUTCOME_WORDS.items()
         if counts[group] and group != "hold"
     ]
     holding = f"{counts['hold'] or 'none'} of {_many(len(items), 'ordering')}"
     return ", ".join([f"{holding} {'hold' if counts['hold'] > 1 else 'holds'}", *rest])
+
+
+def _unshown(items: list[JudgedOrdering]) -> str:
+    """Returns ` (ours: reversed in 25 of 26 pairs)`: what ours show of orderings that the paper's
+    own numbers do not show; empty if nothing."""
+    shown = [i.holding.removeprefix("ours: ") for i in items if i.unshown in ("holds", "reversed")]
+    return f" (ours: {'; '.join(shown)})" if shown else ""
 
 
 def _many(number: int, word: str) -> str:
@@ -312,7 +325,7 @@ def circumstance(
 ) -> Circumstance:
     """Returns engine, devices, commit, seeds, plan and runs per number."""
     paper = verdicts.paper
-    used = [r for r in experiments if r.name in _experiments(column)]
+    used = [r for r in experiments if r.name in experiments_behind(column)]
     commits = sorted({c[:7] for r in used for c in r.facts.get("commit", {})})
     counts = [_runs_of(r) for r in column.rows.values() if r.measured.there]
     engine = column.engine
@@ -324,8 +337,7 @@ def circumstance(
         span = f"{min(counts)}" if min(counts) == max(counts) else f"{min(counts)} to {max(counts)}"
         parts.append(f"{span} runs per number")
     plan = read_plan(paper.id)
-    played = {r.name for r in experiments if (r.valid_runs["engine"] == column.engine).any()}
-    lines = plan_lines(paper, plan, column, used, played)
+    lines = plan_lines(paper, plan, column, experiments)
     parts.append(plan_words(lines, plan, bool(engine)))
     return Circumstance(
         engine,
@@ -349,14 +361,6 @@ def _seeds(results: Results) -> str:
         return ""
     seeds = sorted({int(seed) for seed in results.valid_runs["seed"].dropna()})
     return f"{seeds[0]} to {seeds[-1]}" if len(seeds) > 1 else ", ".join(map(str, seeds))
-
-
-def _experiments(column: Column) -> set[str]:
-    numbers = {key[0] for row in column.rows.values() for key in row.measured.keys}
-    orderings = {
-        key[0] for o in column.orderings for chain in o.chains for _, m in chain for key in m.keys
-    }
-    return numbers | orderings
 
 
 def twelve_lines(verdicts: PaperVerdicts, experiments: list[Results]) -> list[str]:

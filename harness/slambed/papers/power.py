@@ -35,7 +35,8 @@ def ordering_powers(paper: Paper, runs: tuple[int, ...] = RUNS) -> Table:
     adjusted = _adjusted(cases)
     table = Table(
         "powers",
-        "Chance that an ordering holds with so many runs per cell, if the paper is right",
+        "Chance that an ordering holds with so many runs per cell, if the paper is right (before a "
+        f"run: spread assumed, {USUAL_CV:.0%} of a mean; a page takes that of its runs)",
         [
             "ordering",
             "statement",

@@ -3,7 +3,7 @@
 differences, maxima, one number for each, time windows, times."""
 
 from dataclasses import replace
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 import pandas as pd
@@ -60,6 +60,10 @@ from slambed.papers.verdicts.statements import (
 BOUND_OPS: dict[str, Literal["lt", "le", "gt", "ge"]] = {
     "lt": "lt", "le": "le", "gt": "gt", "ge": "ge",
 }  # fmt: skip
+AS_REDUCTION: dict[str, Literal["lt", "le", "gt", "ge"]] = {
+    "lt": "gt", "le": "ge", "gt": "lt", "ge": "le",
+}  # fmt: skip
+"""Less than x times is more than 1 - x less."""
 WORST: tuple[Outcome, ...] = ("differs", "not_run", "inconclusive", "reproduced")
 """Outcomes from worst to best; several numbers together get the worst of theirs."""
 
@@ -72,10 +76,15 @@ def judge_quantity(
     assert claim is not None and claim.quantity is not None
     quantity = claim.quantity
     about = pool.about(paper, cell.source)
-    if isinstance(quantity, WindowShare):
-        return _window(paper, about, cells, cell, quantity)
-    if isinstance(quantity, EventTimes):
-        return _times(paper, about, cells, cell, quantity)
+    if isinstance(quantity, WindowShare | EventTimes):
+        of = _measured(paper, about, cells, quantity.of)
+        if not of.there:
+            return not_run(of.found.reason), of
+        if isinstance(quantity, EventTimes):
+            return _times(about, cell, quantity, of, margin_of_cell(paper, cells, cell, []).value)
+        runs = find_runs(paper, about.runs, *_coordinates(cells, quantity.of)).runs
+        assert runs is not None
+        return _window(runs, cell, quantity, of)
     if isinstance(quantity, MaxOver):
         return _up_to(paper, about, cells, cell, quantity)
     if isinstance(quantity, Each):
@@ -90,16 +99,21 @@ def judge_quantity(
 def _measured(
     paper: Paper, pool: Pool, cells: dict[str, PublishedCell], operand: Operand
 ) -> Measured:
-    if isinstance(operand, At):
-        return measure(paper, pool, operand.metric, operand.system, dict(operand.conditions))
-    place = cells[operand]
-    return measure(paper, pool, place.metric, place.system, place.conditions)
+    metric = (operand if isinstance(operand, At) else cells[operand]).metric
+    return measure(paper, pool, metric, *_coordinates(cells, operand))
+
+
+def _coordinates(
+    cells: dict[str, PublishedCell], operand: Operand
+) -> tuple[str | None, dict[str, Any]]:
+    """Returns the system and the conditions of an operand."""
+    at = operand if isinstance(operand, At) else cells[operand]
+    return at.system, dict(at.conditions)
 
 
 def _dataset(cells: dict[str, PublishedCell], operand: Operand) -> object:
     """Returns the paper's sequence of an operand."""
-    at = operand if isinstance(operand, At) else cells[operand]
-    return at.conditions.get("dataset")
+    return _coordinates(cells, operand)[1].get("dataset")
 
 
 def _pair(of: Measured, base: Measured) -> Pair:
@@ -146,9 +160,8 @@ def _two(
         else (1 - cell.value, digit)
     )
     if claim.op in BOUND_OPS:
-        # More than x % less leaves less than the rest; more than x times leaves more.
-        below = claim.op in (("gt", "ge") if isinstance(quantity, Reduction) else ("lt", "le"))
-        return judge_reduction_bound(pair, below, stated), _of_two(quantity, of, base)
+        ops = BOUND_OPS if isinstance(quantity, Reduction) else AS_REDUCTION
+        return judge_reduction_bound(pair, ops[claim.op], stated), _of_two(quantity, of, base)
     if claim.op == "about":
         about = paper.margins.get("about")
         margin = max(margin, about.ratio if about is not None and about.ratio else 0.0)
@@ -305,23 +318,13 @@ def _up_to(
 
 
 def _window(
-    paper: Paper,
-    pool: Pool,
-    cells: dict[str, PublishedCell],
-    cell: PublishedCell,
-    quantity: WindowShare,
+    runs: pd.DataFrame, cell: PublishedCell, quantity: WindowShare, of: Measured
 ) -> tuple[Verdict, Measured]:
     """Judges the share of losses (`loss_times_s`) that begin in the window, or of runs with such a
     loss."""
-    of = _measured(paper, pool, cells, quantity.of)
-    if not of.there:
-        return not_run(of.found.reason), of
-    place = cells[quantity.of] if isinstance(quantity.of, str) else quantity.of
-    found = find_runs(paper, pool.runs, place.system, place.conditions)
-    assert found.runs is not None
-    if "loss_times_s" not in found.runs:
+    if "loss_times_s" not in runs:
         return not_run("loss_times_s was not measured"), replace(of, values=np.zeros(0))
-    times = [loss_times_of(text) for text in found.runs["loss_times_s"]]
+    times = [loss_times_of(text) for text in runs["loss_times_s"]]
     inside = [in_window(run, quantity.from_s, quantity.to_s) for run in times]
     claim = cell.claim
     assert claim is not None
@@ -329,9 +332,9 @@ def _window(
         if cell.value is None or not cell.runs:
             return Verdict("inconclusive", "the paper prints no number of runs"), of
         bad = cell.value if cell.unit == "runs" else cell.value / 100 * cell.runs
-        runs = sum(count > 0 for count in inside)
-        return judge_share(Share(runs, len(times)), Share(round(bad), cell.runs)), of
-    played = pd.to_numeric(found.runs["wall_s"], errors="coerce").median()
+        ours = Share(sum(count > 0 for count in inside), len(times))
+        return judge_share(ours, Share(round(bad), cell.runs)), of
+    played = pd.to_numeric(runs["wall_s"], errors="coerce").median()
     share = (quantity.to_s - quantity.from_s) / float(played)
     if claim.op in BOUND_OPS and cell.value is not None and cell.unit == "%":
         lost = Share(sum(inside), sum(map(len, times)))
@@ -340,17 +343,10 @@ def _window(
 
 
 def _times(
-    paper: Paper,
-    pool: Pool,
-    cells: dict[str, PublishedCell],
-    cell: PublishedCell,
-    quantity: EventTimes,
+    pool: Pool, cell: PublishedCell, quantity: EventTimes, of: Measured, margin: float
 ) -> tuple[Verdict, Measured]:
     """Judges the run times of events against the stated ones, the first against the first. It
     differs if no run has as many events as the paper states times."""
-    of = _measured(paper, pool, cells, quantity.of)
-    if not of.there:
-        return not_run(of.found.reason), of
     logs = [pool.results[folder].events(key, (quantity.event,)) for folder, key in of.keys]
     times = [[e["t_ns"] * 1e-9 for e in log.of(quantity.event)] for log in logs if log is not None]
     if not times:
@@ -365,8 +361,7 @@ def _times(
         few = len(times) < FEWEST_RUNS
         return Verdict("inconclusive" if few else "differs", counts), firsts
     ours = [Mean.of([run[place] for run in whole]) for place in range(len(stated))]
-    margin = margin_of_cell(paper, cells, cell, [])
-    verdict = judge_set(ours, stated, margin.value)
+    verdict = judge_set(ours, stated, margin)
     if len(whole) < len(times) and verdict.outcome == "reproduced":
         verdict = replace(verdict, outcome="inconclusive")
     found = " and ".join(f"{mean.value:.0f}" for mean in ours)

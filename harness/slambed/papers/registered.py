@@ -2,7 +2,7 @@
 """Checks results against the plan that was written before them (papers/<id>/plan.yaml)."""
 
 from collections import Counter
-from collections.abc import Collection, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from datetime import UTC, datetime
 
@@ -26,11 +26,19 @@ def plan_lines(
     paper: Paper,
     plan: PaperPlan | None,
     column: Column,
-    used: list[Results],
-    played: Collection[str] = (),
+    experiments: list[Results],
 ) -> list[PlanLine]:
-    """Returns sentences about the plan of the runs in `column`, which come from the experiments
-    `used`; `played` has the names of all experiments with runs."""
+    """Returns sentences about the plan of the runs in `column`; `experiments` are all that were
+    loaded."""
+    behind = cells_behind(column)
+    planned = {item.experiment: item for item in plan.runs} if plan is not None else {}
+    names = experiments_behind(column)
+    # A run that several experiments share is in the column once, under one of them.
+    used = [
+        r
+        for r in experiments
+        if r.name in names or (r.name in planned and r.runs["run_key"].isin(behind).any())
+    ]
     own = _own(column, used)
     if plan is None:
         seen = written_in(own, f"plan.{paper.id}")
@@ -53,8 +61,6 @@ def plan_lines(
             PlanLine(f"The plan is for {plan.engine} runs, not {column.engine} ones.", True)
         )
     found += _made(plan, own)
-    behind = cells_behind(column)
-    planned = {item.experiment: item for item in plan.runs}
     for results in used:
         item = planned.get(results.name)
         if item is None:
@@ -64,8 +70,8 @@ def plan_lines(
         if seed is not None and seed != item.seed:
             text = f"{results.name}: seed {seed}, {item.seed} was planned."
             found.append(PlanLine(text, bad=True))
-        # A run that several experiments share is in the column once, under one of them. Cells
-        # without a published number, such as another codec's, decide nothing and are not counted.
+        # Cells without a published number, such as another codec's, decide nothing and are not
+        # counted.
         runs = results.runs[results.runs["run_key"].isin(behind)]
         fewest = int(runs.groupby("cell").size().min()) if len(runs) else 0
         if fewest < item.runs:
@@ -74,6 +80,7 @@ def plan_lines(
             if results.expected and results.expected > len(results.runs):
                 text += f" ({len(results.runs)} of {results.expected} runs of it are there)"
             found.append(PlanLine(f"{text}.", bad=True))
+    played = {r.name for r in experiments if (r.valid_runs["engine"] == column.engine).any()}
     for name, item in planned.items():
         if column.engine != plan.engine or name in {results.name for results in used}:
             continue
@@ -82,6 +89,18 @@ def plan_lines(
             text = "played, but no number could be taken from its runs"
         found.append(PlanLine(f"{name}: {text}.", bad=True))
     return found + _devices(plan, column.runs)
+
+
+def experiments_behind(column: Column) -> set[str]:
+    """Returns the experiments that numbers and orderings take their runs from."""
+    return {name for name, _ in _keys(column)}
+
+
+def _keys(column: Column) -> set[tuple[str, str]]:
+    cells = (m for o in column.orderings for chain in o.chains for _, m in chain)
+    return {
+        key for m in (*(row.measured for row in column.rows.values()), *cells) for key in m.keys
+    }
 
 
 def _own(column: Column, used: list[Results]) -> pd.DataFrame:
@@ -99,10 +118,7 @@ def _counted(reported: Mapping[str, int], runs: pd.DataFrame) -> str:
 def cells_behind(column: Column) -> set[str]:
     """Returns the run keys of all cells that a number or an ordering uses, including runs that a
     number leaves out, such as lost ones."""
-    used = {key for row in column.rows.values() for _, key in row.measured.keys}
-    used |= {
-        key for o in column.orderings for chain in o.chains for _, m in chain for _, key in m.keys
-    }
+    used = {key for _, key in _keys(column)}
     runs = column.runs
     if "experiment_folder" not in runs:
         return used

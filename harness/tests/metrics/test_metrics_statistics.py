@@ -7,6 +7,7 @@ import pytest
 from scipy import stats
 
 from slambed.errors import SlambedError
+from slambed.metrics.catalog import metric
 from slambed.metrics.comparison import (
     fisher,
     holm,
@@ -21,6 +22,7 @@ from slambed.metrics.comparison import (
 )
 from slambed.metrics.robust_accuracy import coverage_aware_ate
 from slambed.metrics.statistics import finite, interval, wilson
+from slambed.report.tables import with_interval
 
 
 @pytest.mark.parametrize(
@@ -38,6 +40,15 @@ def test_wilson_intervals(bad: int, runs: int, low: float, high: float) -> None:
 def test_no_trials_is_no_share() -> None:
     with pytest.raises(SlambedError):
         wilson(0, 0)
+
+
+def test_a_median_between_two_counts_keeps_its_half() -> None:
+    counts = metric("track_losses")
+    assert with_interval(counts, interval([0, 0, 1, 1])) == "0.5 (0 to 1)"
+    assert with_interval(counts, interval([0, 1, 1])) == "1 (0 to 1)"
+    assert counts.show(float(np.mean([1, 2, 2]))) == "1.7"
+    assert counts.show(3 * 0.1 / 0.3) == "1"  # not quite whole, by rounding alone
+    assert metric("lost").show(0.125) == "12"  # a share in percent has no digit of its own
 
 
 def test_a_median_lies_between_order_statistics() -> None:

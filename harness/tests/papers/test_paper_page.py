@@ -17,7 +17,7 @@ from slambed.papers.compare import compare_paper
 from slambed.papers.fits import DeviceFit
 from slambed.papers.lookup import pool_of
 from slambed.papers.orderings import outcome_of
-from slambed.papers.paper_claims import claim_lines, in_short
+from slambed.papers.paper_claims import claim_groups, claim_lines, in_short
 from slambed.papers.paper_page import PaperPage, write_overview, write_paper_page
 from slambed.papers.paper_view import twelve_lines
 from slambed.papers.published import Paper, read_papers
@@ -161,7 +161,8 @@ def test_what_holds_without_being_evidence_looks_like_none(page: PaperPage) -> N
         )
         assert ("compare numbers set to match" in reported) == (name == "fitted")
         outcomes = [outcome_of(item) for item in column.orderings]
-        assert sum(map(int, re.findall(r"\d+", reported))) == 2 * len(outcomes)
+        counted = re.sub(r" \(ours: [^)]*\)", "", reported)
+        assert sum(map(int, re.findall(r"\d+", counted))) == 2 * len(outcomes)
     assert found == {
         "stand-in": ("HOLDS ON A STAND-IN", "holds weak"),
         "half": ("NOT ALL RUN", "half_run"),
@@ -226,6 +227,66 @@ def test_of_several_pairs_those_that_do_not_hold_are_named(
     orderings = (page.html.parent / "tables" / "dynnetslam_orderings_live.csv").read_text()
     row = next(line for line in orderings.splitlines() if line.startswith("dynnet.O03,"))
     assert ",not seen in full," in row and row.endswith("3 of 5 pairs hold")
+
+
+def test_what_the_paper_does_not_show_does_not_hide_what_ours_show(
+    dynnetslam: Paper, tmp_path: Path
+) -> None:
+    """The paper's numbers show the opposite of this ordering, so they do not show it."""
+    turned = next(c for c in dynnetslam.contrasts if c.id == "dynnet.O03")
+    turned = turned.model_copy(
+        update={"direction": "falls" if turned.direction == "rises" else "rises", "main": False}
+    )
+    main = next(c for c in dynnetslam.contrasts if c.id == "dynnet.O04")
+    paper = dynnetslam.model_copy(update={"contrasts": [main, turned]})
+
+    def shown(lost: dict[str, list[int]], name: str) -> tuple[str, list[str], str]:
+        page = write_paper_page(paper, [table_2(lost, 100)], tmp_path / name)
+        assert page.verdicts is not None
+        column = page.verdicts.columns[0]
+        groups = {g.outcome: [line.pairs for line in g.lines] for g in claim_groups(column)}
+        assert column.orderings[1].kind == "not_shown_by_paper"
+        html = page.html.read_text()
+        more = html[html.index("<summary>1 more ordering of the paper</summary>") :]
+        assert '<li id="dynnet.O03">' in more.partition("</section>")[0]
+        return paper_view.headline(page.verdicts, column)[0], groups.get("unshown", []), html
+
+    mixed = {"conventional": [60, 60, 60, 5, 5], "static": [5, 5, 30, 60, 60]}
+    headline, groups, html = shown(mixed, "mixed")
+    both = "ours: holds in 2 and reversed in 3 of 5 pairs"
+    assert groups == [both] and f"<b>{both}</b>" in html
+    assert f"1 is not shown by the paper's own numbers ({both})" in headline
+    assert "cannot be told" not in headline
+
+    headline, groups, _ = shown({"conventional": [5] * 5, "static": [60] * 5}, "holding")
+    assert groups == ["ours: holds"] and "(ours: holds)" in headline
+    headline, groups, html = shown({"conventional": [5] * 5, "static": [5] * 5}, "equal")
+    assert groups == [] and "shown by the paper's own numbers" in headline
+    assert "(ours" not in headline and "<b>ours: not shown either</b>" in html
+
+
+def test_where_ours_cannot_differ_the_page_says_why(dynnetslam: Paper, tmp_path: Path) -> None:
+    def shown(lost: dict[str, list[int]]) -> tuple[dict[str, str], PaperPage]:
+        page = write_paper_page(dynnetslam, [table_2(lost, 100)], tmp_path)
+        assert page.verdicts is not None
+        lines = claim_lines(page.verdicts.columns[0], every=True)
+        return {line.anchor.partition(".")[2]: line.pairs for line in lines}, page
+
+    never = "no run of ours lost track: nothing to compare"
+    floor, page = shown({"conventional": [0] * 5, "static": [0] * 5})
+    assert floor["O03"] == f"0 of 5 pairs hold; {never}"
+    assert floor["O04"] == floor["O05"] == never
+    html = page.html.read_text()
+    assert html.count(f"<b>{never}</b>") == 2 and any(never in line for line in page.lines)
+    entry = html[html.index('id="v-dynnet.T2.enhanced.rtt60"') :].split("</tr>")[0]
+    assert "0 (0/100)" in entry and "; no run of ours lost track" in entry
+    always, _ = shown({"conventional": [100] * 5, "static": [100] * 5})
+    assert always["O04"] == "every run of ours lost track: nothing to compare"
+    some, _ = shown({"conventional": [60, 60, 60, 0, 0], "static": [5, 5, 5, 0, 0]})
+    where = "in 2 of 5 pairs no run of ours lost track: nothing to compare there"
+    assert some["O03"] == f"3 of 5 pairs hold; {where}"
+    equal, _ = shown({"conventional": [5] * 5, "static": [5] * 5})
+    assert "nothing to compare" not in " ".join(equal.values())
 
 
 def test_too_few_runs_say_how_many_would_decide(dynnetslam: Paper, tmp_path: Path) -> None:

@@ -116,8 +116,10 @@ def test_what_was_not_as_planned_is_reported(dynnetslam: Paper) -> None:
     assert bad(dynnetslam, wanted, results(plan=wanted)) == [
         "not_begun: nothing played, 30 runs a cell were planned."
     ]
-    column = compare_paper(dynnetslam, pool_of([one]), []).columns[0]
-    lines = plan_lines(dynnetslam, wanted, column, [results(plan=wanted)], {"not_begun"})
+    unused = results(plan=wanted)
+    unused.folder = unused.folder.with_name("not_begun")
+    unused.runs["run_key"] = "other" + unused.runs["run_key"]
+    lines = plan_lines(dynnetslam, wanted, column, [one, unused])
     assert lines[-1].text == "not_begun: played, but no number could be taken from its runs."
     other = plan_of(dynnetslam, devices={"mobile": "jetson"})
     reported = bad(dynnetslam, other, results(plan=other))
@@ -204,7 +206,9 @@ def test_what_is_registered_today_goes_into_manifests(dynnetslam: Paper) -> None
 
 
 def test_powers_are_those_of_the_printed_numbers(dynnetslam: Paper) -> None:
-    rows = {row[0]: row for row in ordering_powers(dynnetslam, (10, 30)).rows}
+    table = ordering_powers(dynnetslam, (10, 30))
+    assert "spread assumed, 20% of a mean; a page takes that of its runs" in table.caption
+    rows = {row[0]: row for row in table.rows}
     assert float(rows["dynnet.O03"][2]) == pytest.approx(0.14, abs=0.04)
     assert float(rows["dynnet.O03"][3]) == pytest.approx(0.92, abs=0.04)
     assert rows["dynnet.O03"][4] == "30"

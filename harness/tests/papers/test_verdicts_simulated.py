@@ -13,9 +13,15 @@ import pytest
 from slambed.metrics.changes import newcombe
 from slambed.metrics.comparison import holm
 from slambed.papers.verdicts import contrasts, rates, shares, statements
-from slambed.papers.verdicts.contrasts import Step, judge_blocks, judge_contrast, power_of
+from slambed.papers.verdicts.contrasts import (
+    Ordering,
+    Step,
+    judge_blocks,
+    judge_contrast,
+    power_of,
+)
 from slambed.papers.verdicts.means import Effect, judge_mean
-from slambed.papers.verdicts.model import Mean, Share
+from slambed.papers.verdicts.model import LEVEL, Floats, Mean, Share
 from slambed.papers.verdicts.prediction import score, share_position
 from slambed.papers.verdicts.shares import chance_to_reproduce, judge_share
 from slambed.papers.verdicts.statements import (
@@ -335,6 +341,29 @@ def test_the_word_hangs_on_the_chance_to_see_it() -> None:
             assert found.runs_needed is not None and found.runs_needed > runs
 
 
+def test_a_chance_says_on_which_spread_it_rests() -> None:
+    """The same printed means: runs that vary little would have shown their difference, an assumed
+    spread of a fifth would not."""
+    paper = (Mean(79.4, digit=0.1), Mean(72.4, digit=0.1))
+    steady = np.linspace(0.97, 1.03, 20) * 55
+
+    def judged(*ours: Floats) -> Ordering:
+        return judge_contrast([Step(ours, paper[::-1])], 0.0)
+
+    measured = judged(steady, steady)
+    assert (measured.outcome, measured.power) == ("not_seen", 1.0)
+    assert "in 100% of campaigns, by the spread of our runs (1.9 %)" in measured.why
+    same = np.full(20, 55.0)
+    assumed = judged(same, same)
+    assert assumed.outcome == "too_few_runs" and assumed.power is not None and assumed.power < 0.5
+    assert assumed.why.endswith("% of campaigns, by an assumed spread of 20 %")
+    step = Step((steady, steady), paper[::-1])
+    both = judge_contrast([step, Step((same, same), paper[::-1])], 0.0)
+    assert both.spread == "the spread of our runs (1.9 %), 20 % where they have none"
+    shares = (Share(10, 100), Share(40, 100))
+    assert judge_contrast([Step((Share(1, 50), Share(1, 50)), shares)], 0.0).spread == ""
+
+
 def test_each_pair_of_a_claim_has_its_own_outcome() -> None:
     """The count is adjusted over the pairs (Holm); the statement that all hold is not."""
     paper = (Share(0, 100), Share(50, 100))
@@ -366,10 +395,14 @@ def test_blocks_ask_for_one_order_on_all_sequences() -> None:
     few, spread = np.full(paper.shape, 5.0), np.full(paper.shape, 0.1)
     seen = judge_blocks(mixed, paper, None, spread, few)
     assert (seen.outcome, seen.runs_needed) == ("not_seen", None)
+    assert seen.why.endswith("by the spread of our runs (10 %)")
     wide = judge_blocks(mixed, paper, None, 10 * spread, few)
     assert wide.outcome == "too_few_runs" and wide.power is not None and wide.power < 0.9
     assert wide.runs_needed is not None and wide.runs_needed > 5
-    assert judge_blocks(paper, mixed).outcome == "not_shown_by_paper"
+    unshown = judge_blocks(paper, mixed)
+    assert unshown.outcome == "not_shown_by_paper"
+    assert unshown.p_holds <= LEVEL < unshown.p_reversed, "what ours show is not hidden"
+    assert np.isnan(judge_blocks(np.where(paper > 5, np.nan, paper), mixed).p_holds)
 
 
 # prediction

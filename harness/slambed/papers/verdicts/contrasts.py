@@ -63,6 +63,8 @@ class Ordering:
     p_paper: float = float("nan")
     power: float | None = None
     """Chance that our runs would have shown it if the paper's numbers were true."""
+    spread: str = ""
+    """The spread that `power` and `runs_needed` rest on; empty for shares, which need none."""
     runs_needed: int | None = None
     """Larger number of runs per cell that would show it if the paper's numbers were true; None if
     we have enough or no number would."""
@@ -128,9 +130,26 @@ USUAL_CV = 0.2
 (flagged)."""
 
 
-def _usual_spread(step: Step) -> float:
+def _measured_spread(step: Step) -> float | None:
     known = [m.cv for c in step.ours if not isinstance(c, Share) and (m := Mean.of(c)).cv]
-    return float(np.median(known)) if known else USUAL_CV
+    return float(np.median(known)) if known else None
+
+
+def _usual_spread(step: Step) -> float:
+    measured = _measured_spread(step)
+    return USUAL_CV if measured is None else measured
+
+
+def _spread_words(measured: Sequence[float | None]) -> str:
+    """Returns `the spread of our runs (2 to 6 %)`, one value per step or cell; a None was not
+    measured, so the usual spread stood in."""
+    known = sorted(100 * value for value in measured if value is not None)
+    if not known:
+        return f"an assumed spread of {100 * USUAL_CV:.0f} %"
+    ends = dict.fromkeys(f"{value:.2g}" for value in (known[0], known[-1]))
+    words = f"the spread of our runs ({' to '.join(ends)} %)"
+    whole = len(known) == len(measured)
+    return words if whole else f"{words}, {100 * USUAL_CV:.0f} % where they have none"
 
 
 def paper_shows(steps: Sequence[Step]) -> tuple[float, tuple[str, ...]]:
@@ -165,7 +184,14 @@ def judge_contrast(
         return replace(base, why="no run of ours in one of its cells")
     if fewest < FEWEST_RUNS:
         why = f"{fewest} runs in one of its cells, {FEWEST_RUNS} are the least"
-        return replace(base, outcome="too_few_runs", why=why, runs_needed=runs_to_show(steps))
+        needed, spread = runs_to_show(steps), _spread_of(steps)
+        return replace(
+            base,
+            outcome="too_few_runs",
+            why=why,
+            runs_needed=needed,
+            spread=spread if needed else "",
+        )
     message = f"p {base.p_holds:.2g}" + (f" (largest of {len(steps)})" if len(steps) > 1 else "")
     if base.p_holds <= LEVEL:
         return replace(base, outcome="holds", why=message)
@@ -178,7 +204,13 @@ def judge_contrast(
     if not all(step.paper for step in steps):
         return replace(base, why=f"{message}; {NO_SIZE}")
     power = power_of(steps, [[_count(c) for c in step.ours] for step in steps])
+    base = replace(base, spread=_spread_of(steps))
     return _not_shown(base, message, power, lambda: runs_to_show(steps, above=fewest))
+
+
+def _spread_of(steps: Sequence[Step]) -> str:
+    means = [step for step in steps if not all(isinstance(c, Share) for c in step.paper)]
+    return _spread_words([_measured_spread(step) for step in means]) if means else ""
 
 
 NO_SIZE = "the paper prints no numbers from which to compute how many runs would show it"
@@ -189,7 +221,8 @@ def _not_shown(
 ) -> Ordering:
     """Returns the verdict if neither it nor its opposite is shown; `power` is the chance that it
     would have been, if the paper's numbers were true."""
-    why = f"{reported}; a difference as printed would have shown in {power:.0%} of campaigns"
+    by = f", by {base.spread}" if base.spread else ""
+    why = f"{reported}; a difference as printed would have shown in {power:.0%} of campaigns{by}"
     base = replace(base, why=why, power=power)
     if power >= SEEN_POWER:
         return replace(base, outcome="not_seen")
@@ -222,12 +255,13 @@ def judge_blocks(
     for the power; without it, no power is computed."""
     formula = "Page's L over sequences, exact or by permutation (scipy); Kendall's tau-b described"
     p_paper = page(paper) if adjusted_p is None else adjusted_p
+    whole = bool(np.isfinite(ours).all())
+    p_holds, p_reversed = (page(ours), page(ours[:, ::-1])) if whole else (np.nan, np.nan)
     if p_paper > LEVEL:
         why = f"the paper's own numbers do not show it (p {p_paper:.2g})"
-        return Ordering("not_shown_by_paper", why, formula, p_paper=p_paper)
-    if not np.isfinite(ours).all():
+        return Ordering("not_shown_by_paper", why, formula, p_holds, p_reversed, p_paper)
+    if not whole:
         return Ordering("inconclusive", "a cell without runs of ours", formula, p_paper=p_paper)
-    p_holds, p_reversed = page(ours), page(ours[:, ::-1])
     tau = float(stats.kendalltau(ours.ravel(), paper.ravel()).statistic)
     why = f"p {min(p_holds, p_reversed):.2g}, tau-b ours / paper {tau:.2f}"
     base = Ordering("inconclusive", why, formula, p_holds, p_reversed, p_paper)
@@ -238,6 +272,8 @@ def judge_blocks(
     if spread is None or runs is None:
         return base
     cv = np.where(np.isfinite(spread), spread, USUAL_CV)
+    measured = [float(c) if np.isfinite(c) else None for c in spread.flat]
+    base = replace(base, spread=_spread_words(measured))
     power = blocks_power(paper, cv / np.sqrt(runs))
     fewest = int(runs.min())
     more = (n for n in RUNS_TRIED if n > fewest)

@@ -165,9 +165,11 @@ def judge_difference_bound(
     return _by_side(verdict, below)
 
 
-def judge_reduction_bound(ours: Pair, below: bool, stated: float) -> Verdict:
-    """Judges `more than 50 % less` (stated: 0.5; `below`: what is left must be below the rest) by
-    the one-sided 95 % limits of ln(after / before)."""
+def judge_reduction_bound(
+    ours: Pair, op: Literal["lt", "le", "gt", "ge"], stated: float
+) -> Verdict:
+    """Judges `more than 50 % less` (stated: 0.5) by the one-sided 95 % limits of
+    ln(after / before): more than 50 % less leaves less than the rest."""
     if ours.fewest < FEWEST_RUNS:
         return too_few(ours.fewest, "ratio", None)
     left = ours.left()
@@ -183,7 +185,7 @@ def judge_reduction_bound(ours: Pair, below: bool, stated: float) -> Verdict:
         low - limit,
         high - limit,
     )
-    return _by_side(verdict, below)
+    return _by_side(verdict, below=op in ("gt", "ge"))
 
 
 def _by_side(found: Verdict, below: bool) -> Verdict:
