@@ -47,7 +47,7 @@ experiment: setup build ## Run an experiment and show its report: NAME=quickstar
 paper: setup build ## Run or reuse a paper's experiments and write its page: [PAPER=dynnetslam] [RUNS=plan] [ENGINE=virtual] [BUDGET=2h] [PART=1/3]
 	@$(SUDO) $(SLAMBED) papers run $(PAPER) $(if $(RUNS),--runs $(RUNS)) $(if $(filter-out auto,$(ENGINE)),--engine $(ENGINE)) $(if $(BUDGET),--budget $(BUDGET)) $(if $(PART),--part $(PART))
 
-kept: setup ## Show the papers' pages of the runs that the repository keeps; runs nothing
+kept: setup ## Write the papers' pages from the packed runs; runs nothing
 	@$(SLAMBED) papers kept
 
 plots: setup ## Draw all reports again without running anything

@@ -114,22 +114,23 @@ def git_state() -> tuple[str | None, bool | None]:
     """Returns the commit of the checkout and whether tracked files differ; None outside of git."""
     if is_installed():
         return installed_commit()
-    root = str(repository_root())
+    root = repository_root()
     # Under sudo the checkout belongs to another user, which git refuses without this option.
-    git = ["git", "-c", f"safe.directory={root}", "-C", root]
-    try:
-        commit = subprocess.run(
-            [*git, "rev-parse", "HEAD"], capture_output=True, text=True, check=True
+    git = ["git", "-c", f"safe.directory={root}", "-C", str(root)]
+    # An unpacked archive may lie in a repository of something else.
+    environment = os.environ | {"GIT_CEILING_DIRECTORIES": str(root.parent)}
+
+    def answer(*command: str) -> str:
+        return subprocess.run(
+            [*git, *command], capture_output=True, text=True, check=True, env=environment
         ).stdout.strip()
-        changes = subprocess.run(
-            [*git, "status", "--porcelain", "--untracked-files=no"],
-            capture_output=True,
-            text=True,
-            check=True,
-        ).stdout
+
+    try:
+        return answer("rev-parse", "HEAD"), bool(
+            answer("status", "--porcelain", "--untracked-files=no")
+        )
     except (OSError, subprocess.CalledProcessError):
         return None, None
-    return commit, bool(changes.strip())
 
 
 @cache

@@ -2,6 +2,7 @@
 """Commands that end without Ctrl-C: a lost connection, a failed write, closed standard streams."""
 
 import errno
+import json
 import os
 import pty
 import resource
@@ -14,10 +15,13 @@ from pathlib import Path
 
 import psutil
 import pytest
+from harness_parts import TOLERANCES, needs_root
 from virtual_parts import make_sequence, needs_programs
 
 from slambed.campaign.runner import stop_on_signal
 from slambed.commands.main import main
+from slambed.engines.host_lock import host_lock
+from slambed.engines.reaper import reap
 from slambed.engines.virtual import as_child
 from slambed.errors import ExitCode
 from slambed.failures import INTERRUPTED, REMEDIES, refused_write
@@ -32,15 +36,16 @@ datasets: [{sequence}]
 playback: {{mode: realtime, fps: 10}}
 link: {{profiles: [none]}}
 devices: {{mobile: host}}
-engine: virtual
 runs: {{default: 500}}
+tolerances: {tolerances}
 """
 
 
 @pytest.fixture(scope="module")
 def experiment(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("long")
-    (folder / "long.yaml").write_text(LONG.format(sequence=make_sequence(folder / "walk", 1)))
+    sequence, tolerances = make_sequence(folder / "walk", 1), json.dumps(TOLERANCES)
+    (folder / "long.yaml").write_text(LONG.format(sequence=sequence, tolerances=tolerances))
     return folder / "long.yaml"
 
 
@@ -51,15 +56,27 @@ def wait_until(come: Callable[[], bool]) -> None:
         time.sleep(0.05)
 
 
+def reaped_groups() -> list[Path]:
+    """Removes and returns the cgroups that ended campaigns left."""
+    with host_lock("tests of nodes", wait_s=120):
+        return reap().groups
+
+
 @needs_programs
 @pytest.mark.parametrize("terminal", [True, False])
+@pytest.mark.parametrize("engine", ["virtual", pytest.param("local", marks=needs_root)])
 def test_a_lost_connection_keeps_finished_runs_and_leaves_nothing(
-    experiment: Path, tmp_path: Path, terminal: bool
+    experiment: Path, tmp_path: Path, engine: str, terminal: bool
 ) -> None:
     """With the terminal, a command's output is lost too; without one there is only the signal."""
     results = tmp_path / "results"
-    command = [*SLAMBED, "run", str(experiment), "--no-figures", "--jobs", "2"]
+    command = [*SLAMBED, "run", str(experiment), "--engine", engine, "--no-figures"]
     command += ["--results", str(results)]
+    if engine == "virtual":
+        command += ["--jobs", "2"]
+    else:
+        command += ["--wait"]
+        reaped_groups()
     child, ours = pty.fork()
     if child == 0:
         if not terminal:
@@ -67,9 +84,13 @@ def test_a_lost_connection_keeps_finished_runs_and_leaves_nothing(
             for number in range(3):
                 os.dup2(nowhere, number)
         os.execv(command[0], command)
-    wait_until(lambda: any(results.glob("runs/*/summary.json")))
-    begun = [process.pid for process in psutil.Process(child).children(recursive=True)]
-    assert begun
+    begun: list[int] = []
+
+    def is_playing() -> bool:
+        begun[:] = [process.pid for process in psutil.Process(child).children(recursive=True)]
+        return bool(begun) and any(results.glob("runs/*/summary.json"))
+
+    wait_until(is_playing)
     if not terminal:
         os.kill(child, signal.SIGHUP)
     os.close(ours)
@@ -88,6 +109,7 @@ def test_a_lost_connection_keeps_finished_runs_and_leaves_nothing(
     whole = sorted(path.name for path in (results / "runs").iterdir())
     assert whole and all((results / "runs" / n / "manifest.json").is_file() for n in whole)
     assert '"interrupted": true' in (results / "long" / "ledger.jsonl").read_text()
+    assert engine == "virtual" or reaped_groups() == []
 
 
 def test_a_hangup_stops_a_campaign_and_nohup_keeps_it(
