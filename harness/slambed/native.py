@@ -4,6 +4,7 @@
 
 import hashlib
 import os
+import subprocess
 from pathlib import Path
 
 from slambed.errors import environment_error
@@ -21,6 +22,19 @@ def repository_root() -> Path:
     datasets and C++ sources."""
     package = Path(__file__).resolve().parent
     return package / CHECKOUT if is_installed() else package.parents[1]
+
+
+def git(*command: str) -> subprocess.CompletedProcess[str]:
+    """Runs git in the checkout; OSError where git is not installed."""
+    root = repository_root()
+    return subprocess.run(
+        # Under sudo the checkout belongs to another user, which git refuses without this option.
+        ["git", "-c", f"safe.directory={root}", "-C", str(root), *command],
+        capture_output=True,
+        text=True,
+        # An unpacked archive may lie in a repository of something else.
+        env=os.environ | {"GIT_CEILING_DIRECTORIES": str(root.parent)},
+    )
 
 
 def left_behind(file: Path) -> str:

@@ -14,7 +14,7 @@ from slambed import __version__
 from slambed.engines.python_packages import find_environment
 from slambed.engines.result import RunResult
 from slambed.files.json_file import read_object
-from slambed.native import is_installed, repository_root
+from slambed.native import git, is_installed, repository_root
 from slambed.records.board import BoardFacts
 from slambed.records.manifest import EngineFacts, Manifest, RunHost
 from slambed.spec.host_speed import cpu_model
@@ -114,16 +114,11 @@ def git_state() -> tuple[str | None, bool | None]:
     """Returns the commit of the checkout and whether tracked files differ; None outside of git."""
     if is_installed():
         return installed_commit()
-    root = repository_root()
-    # Under sudo the checkout belongs to another user, which git refuses without this option.
-    git = ["git", "-c", f"safe.directory={root}", "-C", str(root)]
-    # An unpacked archive may lie in a repository of something else.
-    environment = os.environ | {"GIT_CEILING_DIRECTORIES": str(root.parent)}
 
     def answer(*command: str) -> str:
-        return subprocess.run(
-            [*git, *command], capture_output=True, text=True, check=True, env=environment
-        ).stdout.strip()
+        ended = git(*command)
+        ended.check_returncode()
+        return ended.stdout.strip()
 
     try:
         return answer("rev-parse", "HEAD"), bool(

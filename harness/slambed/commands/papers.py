@@ -60,7 +60,7 @@ def kept(
     / PAGES
     / "kept",
 ) -> None:
-    """Write the pages of the kept runs, papers/NAME/runs.tar.xz, without running anything."""
+    """Write the pages of the packed runs, papers/NAME/runs.tar.xz, without running anything."""
     from slambed.files.outputs import make_folder
     from slambed.papers.kept import KEPT_FILE, kept_file, read_kept
     from slambed.papers.published import read_papers
@@ -135,7 +135,7 @@ def counts(
     results: ResultsOption = RESULTS,
     as_json: JsonOption = False,
 ) -> None:
-    """Count the printed numbers: judged, beside the print, and without one of ours by reason."""
+    """Count the printed numbers: judged, shown beside ours, and without one of ours by reason."""
     from slambed.commands.results_folders import result_folders
     from slambed.papers.compare import compare_paper
     from slambed.papers.lookup import pool_of

@@ -10,7 +10,7 @@ from slambed.papers.judged import Judged
 
 @dataclass(frozen=True)
 class Beside:
-    """How far ours is from the print."""
+    """How far ours is from the printed number."""
 
     scale: Literal["ratio", "points"]
     effect: float

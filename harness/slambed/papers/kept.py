@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""papers/<id>/runs.tar.xz: the kept runs of a paper's campaign, shown without playing anything.
+"""papers/<id>/runs.tar.xz: the packed runs of a paper's campaign, shown without playing anything.
 
 They lie in a folder of their own and never in `results/`: a campaign must not take runs of other
 sources for its own.
@@ -19,7 +19,7 @@ MARKER = "archive.sha256"
 
 
 def kept_file(paper: str, folder: Path | None = None) -> Path | None:
-    """Returns the archive with the kept runs of a paper; None if there is none."""
+    """Returns the archive with the packed runs of a paper; None if there is none."""
     path = (folder or papers_folder()) / paper / KEPT_FILE
     return path if path.is_file() else None
 

@@ -1,10 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """Says of which commits and days runs are, and whether this repository still has those commits."""
 
-import subprocess
 from functools import cache
 
-from slambed.native import is_installed, repository_root
+from slambed.native import git, is_installed
 from slambed.report.load import Results
 
 MOST_COMMITS = 3
@@ -45,15 +44,10 @@ def is_known(commit: str) -> bool:
     and in a shallow clone, which has few commits."""
     if is_installed():
         return True
-    root = str(repository_root())
-    git = ["git", "-c", f"safe.directory={root}", "-C", root]
     try:
-        shallow = subprocess.run(
-            [*git, "rev-parse", "--is-shallow-repository"], capture_output=True, text=True
-        )
+        shallow = git("rev-parse", "--is-shallow-repository")
         if shallow.returncode or shallow.stdout.strip() != "false":
             return True
-        asked = [*git, "cat-file", "-e", f"{commit}^{{commit}}"]
-        return subprocess.run(asked, capture_output=True).returncode == 0
+        return git("cat-file", "-e", f"{commit}^{{commit}}").returncode == 0
     except OSError:
         return True

@@ -171,7 +171,7 @@ def _content(verdicts: PaperVerdicts, experiments: list[Results], target: Path) 
 
 
 def _report_of(results: Results) -> Path:
-    """Returns an experiment's report, or what was run if none was written, as for kept runs."""
+    """Returns an experiment's report, or what was run if none was written, as for packed runs."""
     report = results.folder / "report" / "index.html"
     run = results.folder / "experiment.json"
     return run if run.is_file() and not report.is_file() else report

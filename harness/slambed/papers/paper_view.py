@@ -6,6 +6,7 @@ from collections import Counter
 from dataclasses import dataclass, replace
 from functools import lru_cache
 
+from slambed.data.download import how_to_get
 from slambed.data.recipe_file import load_recipe
 from slambed.data.stand_in import played_instead
 from slambed.errors import SlambedError
@@ -197,12 +198,19 @@ def _stand_in(verdicts: PaperVerdicts, row: Judged) -> str:
         return played_instead(ours, "the paper's sequence")
     dataset = verdicts.paper.datasets.get(str(name))
     wanted = dataset.match[0] if dataset is not None and dataset.match else str(name)
-    return f"{played_instead(ours, wanted)}; slambed data download {wanted}"
+    return "; ".join(filter(None, (played_instead(ours, wanted), _how_to_get(wanted))))
 
 
 def _recording(verdicts: PaperVerdicts, row: Judged) -> str:
     dataset = verdicts.paper.datasets[str(row.cell.conditions["dataset"])]
-    return f"{dataset.label}; slambed data download {dataset.match[0]}"
+    return "; ".join(filter(None, (dataset.label, _how_to_get(dataset.match[0]))))
+
+
+@lru_cache
+def _how_to_get(name: str) -> str:
+    """Returns how to get a sequence; empty where it is not known, or nothing offers it."""
+    file = repository_root() / "catalog" / "datasets" / f"{name}.yaml"
+    return how_to_get(load_recipe(file)) if is_file(file) else ""
 
 
 def _undecided(row: Judged) -> str:
@@ -302,11 +310,11 @@ def _numbers(verdicts: PaperVerdicts, column: Column) -> str:
     counted = count(verdicts, column)
     marks = Counter(row.mark for row in column.rows.values())
     own_data = sum(row.provenance == "same_data" for row in column.rows.values())
-    derived = f" or follow from the print ({own_data})" if own_data else ""
+    derived = f" or follow from published numbers ({own_data})" if own_data else ""
     words = {
         "judged": f"are judged ({marks['R']} reproduced, {marks['D']} different, {marks['I']} "
         "open)",
-        "beside": "stand beside the print and are not judged",
+        "beside": "are shown beside ours and not judged",
         "fitted": f"were set to match{derived}",
         "setting": "are settings or repeated",
         "none": f"have none of ours ({counted.because})",

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Counts the numbers of papers: judged, beside the print, set to match, settings; and those
+"""Counts the numbers of papers: judged, shown beside ours, set to match, settings; and those
 without one of ours, by reason."""
 
 from collections import Counter
@@ -26,7 +26,7 @@ REASON_WORDS: dict[Reason, str] = {
 Group = Literal["judged", "beside", "fitted", "setting", "none"]
 GROUP_WORDS: dict[Group, str] = {
     "judged": "judged",
-    "beside": "beside the print, not judged",
+    "beside": "shown beside ours, not judged",
     "fitted": "set to match",
     "setting": "settings or repeated",
     "none": "without a number of ours",

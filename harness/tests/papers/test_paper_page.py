@@ -181,7 +181,7 @@ def test_where_nothing_could_be_compared_nothing_is_said_to_agree_or_differ(
     marks = column.marks(list(column.rows))
     assert not marks["R"] + marks["D"] + marks["I"]
     assert reported.startswith(
-        f"Of 163 printed numbers {marks['S']} stand beside the print and are not judged, "
+        f"Of 163 printed numbers {marks['S']} are shown beside ours and not judged, "
         f"{marks['P']} are settings or repeated, "
     )
     groups = reported.partition(" (")[0]
