@@ -37,8 +37,10 @@ def how_to_get(dataset: Dataset) -> str:
         return ""
     if dataset.download.unpack == "none":
         return f"get it from {dataset.download.url}"
-    unverified = "" if dataset.download.verified else " --force (no checksum is known)"
-    return f"get it with 'slambed data download {dataset.id}{unverified}'"
+    command = f"slambed data download {dataset.id}"
+    if dataset.download.verified:
+        return f"get it with '{command}'"
+    return f"get it with '{command} --force' (no checksum is known)"
 
 
 def download(
