@@ -9,14 +9,13 @@ import socket
 import subprocess
 import tempfile
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
 
-from slambed.campaign.check_metrics import about_metric
 from slambed.campaign.foreign_trajectory import (
     check_rotations,
     frames_of,
@@ -34,14 +33,16 @@ from slambed.errors import SlambedError
 from slambed.files.atomic import replacing
 from slambed.files.json_file import object_or_empty
 from slambed.metrics.accuracy import absolute_error
+from slambed.metrics.declared import fits
 from slambed.metrics.events import Event, read_jsonl
+from slambed.metrics.tracking import values_of
 from slambed.native import find_program
 from slambed.records.run_config import Network, RunConfig
 from slambed.spec.device import Limits
 from slambed.spec.experiment import Playback
 from slambed.spec.inputs import FROM_DATASET, find_input
 from slambed.spec.library import Library
-from slambed.spec.system import Role, Scalar, System
+from slambed.spec.system import OwnMetric, Role, Scalar, System
 
 FRAMES, FPS = 20, 5.0
 STOPPED_AFTER_S = 1.0
@@ -273,8 +274,25 @@ def _plays(trial: Trial, found: Checked) -> None:
     if code == 0 and (trial.recording is None or _leaves(trial, found)):
         _path(trial, found)
     for key, item in trial.system.metrics.items():
-        finding = about_metric(item, trial.events(item.node or "mobile"), FRAMES)
+        finding = _about_metric(item, trial.events(item.node or "mobile"), FRAMES)
         found.report(True, f"metric {key} ({item.doc}): {finding}")
+
+
+def _about_metric(item: OwnMetric, recorded: Sequence[Event], frames: int) -> str:
+    """Reports whether the events of a metric occur. They are optional: a loss or a loop closure
+    may not happen in so few frames, nor in every run."""
+    events = [event for event in recorded if event["type"] == item.event]
+    chosen = [event for event in events if fits(item, event)]
+    if item.field and chosen and not len(values_of(chosen, item.field)):
+        return f"event '{item.event}' comes, but none has a number '{item.field}'"
+    if chosen:
+        return f"event '{item.event}' comes, {len(chosen)} times"
+    none = "0" if item.take == "count" else "empty"
+    which = f"an event '{item.event}'" + (" with what it asks for" if events else "")
+    return (
+        f"optional, and there is none here: {which} did not come in these {frames} frames; in a "
+        f"run without one the metric is {none}"
+    )
 
 
 def _answers(trial: Trial, found: Checked) -> None:

@@ -2,11 +2,12 @@
 """Live runs on several hosts (`slambed run --hosts`), one at a time on each.
 
 Every host is a worker of this campaign's own Dask scheduler. A run goes to the host of its
-repetition (`assignment`). If that host dies, the attempt is lost, other hosts take over its runs,
+repetition (`preference`). If that host dies, the attempt is lost, other hosts take over its runs,
 and the campaign tries to reconnect. Only this process writes results and ledger, so a host that
 dies leaves no partial results.
 """
 
+import random
 import sys
 import threading
 import time
@@ -16,7 +17,6 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Literal
 
-from slambed.campaign.assignment import preference
 from slambed.campaign.executors import Played
 from slambed.campaign.host_connection import HostConnection
 from slambed.campaign.host_messages import Joined
@@ -204,3 +204,19 @@ def leave(client: Any) -> None:
     with suppress(Exception):
         client.close()
         cluster.close()
+
+
+def preference(repetition: int, hosts: list[str], seed: int) -> list[str]:
+    """Returns the host that executes this repetition, followed by its substitutes in order.
+
+    All cells of a repetition run on the same host, and the repetitions of each cell are spread
+    evenly over the hosts. Any effect of a host therefore hits all cells equally often, and values
+    paired by repetition come from one machine.
+
+    Each block of as many repetitions as hosts uses every host once, in a seeded order. Adding
+    repetitions does not change the hosts of earlier ones.
+    """
+    block, place = divmod(repetition, len(hosts))
+    order = list(hosts)
+    random.Random(f"{seed}/hosts/{block}").shuffle(order)
+    return order[place:] + order[:place]

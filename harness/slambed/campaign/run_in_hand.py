@@ -2,18 +2,19 @@
 """A run in progress, observed through the files that its nodes and the sampler write."""
 
 import time
-from collections import deque
+from collections import OrderedDict, deque
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 
 from slambed.campaign.campaign_state import InHand
 from slambed.campaign.growing_file import GrowingFile
-from slambed.campaign.recent import Recent
 from slambed.metrics.events import Event
 
 MEAN_S = 1.0
 """CPU use is the mean over this run time, because single samples show quota periods."""
+RECENT_S = 40
+"""How much of a run is kept: what fits beside its numbers on a terminal."""
 
 
 @dataclass(frozen=True)
@@ -55,6 +56,30 @@ class Playing:
     recent: dict[str, list[float | None]] = field(default_factory=dict)
     """Means over each of the last seconds, None for one without: `rtt_ms`, `track_ms`, and CPU use
     in percent of a core under the names of the nodes."""
+
+
+class Recent:
+    """The last seconds of a quantity: means over each second of run time."""
+
+    def __init__(self) -> None:
+        self._sums: OrderedDict[int, tuple[float, int]] = OrderedDict()
+
+    def add(self, t_s: float, value: float) -> None:
+        """Adds a measured value."""
+        second = int(t_s // 1)
+        total, count = self._sums.get(second, (0.0, 0))
+        self._sums[second] = (total + value, count + 1)
+        while len(self._sums) > RECENT_S:
+            self._sums.popitem(last=False)
+
+    def values(self) -> list[float | None]:
+        """Returns the means of the last seconds; None for a second without any value."""
+        if not self._sums:
+            return []
+        last = max(self._sums)
+        first = max(min(self._sums), last - RECENT_S + 1)
+        means = {second: total / count for second, (total, count) in self._sums.items()}
+        return [means.get(second) for second in range(first, last + 1)]
 
 
 class RunFollower:

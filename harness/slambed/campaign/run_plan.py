@@ -4,7 +4,7 @@
 import math
 import os
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from functools import partial
 
 from rich.console import Console
@@ -18,11 +18,11 @@ from slambed.campaign.ledger import Ledger
 from slambed.campaign.options import Options
 from slambed.campaign.order import in_part, interleaved
 from slambed.campaign.plan import Plan, experiment_json, notes
-from slambed.campaign.preview import about, chosen, preview
-from slambed.campaign.progress import CampaignProgress
+from slambed.campaign.progress import CampaignProgress, duration
 from slambed.campaign.run_estimate import expected_run_s
 from slambed.campaign.runner import CampaignOutcome, Runner
 from slambed.campaign.runs_beyond_plan import valid_repetitions
+from slambed.campaign.store import RunStore
 from slambed.engines.host_lock import host_lock
 from slambed.files.json_file import object_or_empty
 from slambed.files.outputs import make_folder
@@ -31,6 +31,7 @@ from slambed.metrics.collect import keep_groundtruth
 from slambed.spec.device import VIRTUAL
 from slambed.spec.library import Library
 from slambed.spec.run_spec import RunSpec
+from slambed.spec.selection import facts_of, meant
 
 
 def run_plan(
@@ -84,6 +85,34 @@ def run_plan(
                     give_to_caller(shared)
 
 
+def preview(
+    specs: list[RunSpec],
+    store: RunStore,
+    again: tuple[str, ...],
+    run_s: float,
+    jobs: int,
+    forced: frozenset[str] = frozenset(),
+    virtual: bool = False,
+) -> list[str]:
+    """Returns one line per cell with its existing runs, and one with the expected time for the
+    rest."""
+    lines, todo = [], 0
+    for cell in dict.fromkeys(spec.cell for spec in specs):
+        own = [spec for spec in specs if spec.cell == cell]
+        keys = [spec.run_key for spec in own if spec.run_key not in forced]
+        there = sum(store.state(key) in again for key in keys)
+        todo += len(own) - there
+        lines.append(f"{cell}: {there} of {len(own)} runs there")
+    return [*lines, f"{todo} runs to execute, {_about(run_s * todo / jobs, virtual)}"]
+
+
+def _about(seconds: float, virtual: bool) -> str:
+    """Returns an expected duration, made before any run was timed. Other work on the machine
+    delays virtual runs; live ones take the time of their sequences."""
+    idle = " on an idle machine" if virtual and seconds else ""
+    return f"about {duration(seconds)}{idle}"
+
+
 def _fill(
     plan: Plan,
     source: YamlSource,
@@ -114,7 +143,7 @@ def _fill(
         console,
         f"{experiment.title}: {len(ordered)} runs, {len(wanted) - len(todo)} there already, "
         + (f"{len(ordered) - len(wanted)} not asked for, " if len(wanted) < len(ordered) else "")
-        + f"engine {engine}, {about(run_s * len(todo) / executor.jobs, engine == VIRTUAL)}",
+        + f"engine {engine}, {_about(run_s * len(todo) / executor.jobs, engine == VIRTUAL)}",
     )
     overall = options.overall
     if overall is not None:
@@ -143,6 +172,28 @@ def _todo(specs: list[RunSpec], folder: ResultFolder, options: Options) -> list[
         if spec.run_key in wanted
         and (spec.run_key in forced or folder.state(spec.run_key) not in kept)
     ]
+
+
+def chosen(specs: list[RunSpec], only: Iterable[str], option: str = "--only") -> list[RunSpec]:
+    """Returns the runs that match the selections (slambed.spec.selection); all without
+    selections. Raises SlambedError for a selection without a match."""
+    runs = [
+        facts_of(
+            s.cell,
+            s.system,
+            s.variant,
+            [s.label],
+            s.dataset,
+            s.profile,
+            s.device_mobile.name,
+            s.device_edge.name if s.device_edge is not None else None,
+            s.engine,
+            s.pace,
+            s.params,
+        )
+        for s in specs
+    ]
+    return [s for s, ours in zip(specs, meant([*runs], only, option), strict=True) if ours]
 
 
 def _wanted(specs: list[RunSpec], options: Options) -> set[str]:

@@ -9,7 +9,7 @@ from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import Any, Protocol
 
 from slambed.campaign.backlog import Backlog, Item
 from slambed.campaign.executors import Executor
@@ -17,7 +17,6 @@ from slambed.campaign.folder import ResultFolder
 from slambed.campaign.ledger import Ledger
 from slambed.campaign.manifest import add_plans
 from slambed.campaign.progress import Reporter
-from slambed.campaign.run_places import AnyPlace, Places
 from slambed.engines.result import InterruptedRunError
 from slambed.errors import KilledError, PassingError, SlambedError, no_space
 from slambed.failures import refused_write
@@ -50,6 +49,35 @@ class CampaignOutcome:
     """Run key -> why there is no result."""
     folder: Path | None = None
     """Folder of the results."""
+
+
+class Places(Protocol):
+    """Placement of runs, for executors that assign runs to hosts. Called before and after each run,
+    from several threads."""
+
+    def claim(self, spec: RunSpec) -> bool:
+        """Returns whether the run may start now; if so, reserves its place until `release`."""
+
+    def release(self, spec: RunSpec) -> None:
+        """Releases the place: the run has ended or will not start."""
+
+    def host_of(self, spec: RunSpec) -> str | None:
+        """Returns the host of a claimed run; None if there is only one."""
+
+
+class AnyPlace:
+    """Placement without any restriction."""
+
+    def claim(self, spec: RunSpec) -> bool:
+        """Returns True."""
+        return True
+
+    def release(self, spec: RunSpec) -> None:
+        """Does nothing."""
+
+    def host_of(self, spec: RunSpec) -> None:
+        """Returns None."""
+        return None
 
 
 @dataclass

@@ -20,6 +20,8 @@ PICTURES = "pictures"
 """Subfolder of the run's folder."""
 AROUND_S = 2.0
 """Seconds shown before and after the time of `--around`."""
+LEAST_DIGITS = 4
+"""Of a run key: fewer do not name a run."""
 
 
 def explain(
@@ -60,7 +62,6 @@ def explain(
     had more to compute, were throttled by their limits, stalled by the host, or queued; it draws
     nothing.
     """
-    from slambed.commands.find_run import find_run
     from slambed.explain.loss_pictures import draw_loss, losses_in
     from slambed.explain.picture import draw
     from slambed.explain.run_log import read_run
@@ -97,6 +98,37 @@ def explain(
             typer.echo(draw_loss(log, loss, target.with_stem(f"{target.stem}_loss")))
     draw(log, window, target)
     typer.echo(f"picture of {window.begin_s:.1f} to {window.end_s:.1f} s: {target}")
+
+
+def find_run(run: str, results: Path) -> Path:
+    """Returns a run folder by its path, its key, or the beginning of its key.
+
+    Prefers the link inside an experiment's folder and does not resolve it, so that the path leads
+    to the experiment. A run that several experiments share counts once. Raises SlambedError when no
+    run or several match.
+    """
+    if (folder := Path(run)).is_dir():
+        return folder.absolute()
+    if len(run) >= LEAST_DIGITS:
+        places = [*sorted(results.glob(f"*/runs/{run}*")), *sorted(results.glob(f"runs/{run}*"))]
+        found: dict[str, Path] = {}
+        for path in places:
+            if path.is_dir():
+                found.setdefault(path.name, path.absolute())
+        if len(found) == 1:
+            return next(iter(found.values()))
+        if found:
+            names = ", ".join(list(found)[:5])
+            raise SlambedError(f"run '{run}' is not clear, {results}: {names}; give more digits")
+    if keys := sorted(path.name for path in results.glob(f"{run}/runs/*")):
+        raise SlambedError(
+            f"{run} is an experiment; give one of its runs, such as {keys[0]} (all are in "
+            f"{results / run}/summary.csv)"
+        )
+    raise SlambedError(
+        f"no run '{run}' in {results}; give a run folder or at least {LEAST_DIGITS} digits of a "
+        "key (column run_key of an experiment's summary.csv)"
+    )
 
 
 def draw_path(folder: Path, out: Path, rerun: bool, sequence: Path | None) -> Iterator[Path]:

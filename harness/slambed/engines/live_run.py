@@ -5,7 +5,7 @@ import json
 import os
 import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from contextlib import ExitStack
 from dataclasses import asdict
 from pathlib import Path
@@ -24,7 +24,6 @@ from slambed.engines.base import (
 )
 from slambed.engines.faults import FaultDriver, RunEdge
 from slambed.engines.node_ends import at_start_barrier, from_outside, how_it_died, node_report
-from slambed.engines.paced import paced_devices
 from slambed.engines.result import (
     InterruptedRunError,
     Outcome,
@@ -37,7 +36,7 @@ from slambed.engines.written_bytes import TooManyBytesError, WrittenBytes
 from slambed.errors import ExitCode, KilledError, PassingError
 from slambed.link.facts import LinkFacts
 from slambed.process.endings import ending
-from slambed.records.run_config import RunConfig
+from slambed.records.run_config import PacedDevice, PacedDevices, RunConfig
 from slambed.sampling.record import (
     AskedLimits,
     GrantedLimits,
@@ -409,3 +408,13 @@ class LiveRun:
             return None
         link, self._link = self._link, None
         return link.stop()
+
+
+def paced_devices(devices: Mapping[Role, Device], limits: Mapping[Role, Limits]) -> PacedDevices:
+    """Returns each node's device, and the share of a host CPU that equals one of its cores under
+    its limits."""
+    found: dict[str, PacedDevice] = {}
+    for role, device in devices.items():
+        assert device.model is not None  # checked when the device was chosen
+        found[role] = PacedDevice(share=device.share_on(limits[role]), device=device.model)
+    return PacedDevices.model_validate(found)

@@ -13,7 +13,7 @@ from virtual_parts import Quiet
 
 from slambed.campaign.folder import ResultFolder
 from slambed.campaign.ledger import Ledger
-from slambed.campaign.preview import chosen, preview
+from slambed.campaign.run_plan import chosen, preview
 from slambed.campaign.runner import Runner
 from slambed.errors import SlambedError
 from slambed.metrics.summary import Summary

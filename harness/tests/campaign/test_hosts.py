@@ -13,11 +13,10 @@ from command_line import refused
 from harness_parts import run_spec
 from virtual_parts import Quiet
 
-from slambed.campaign.assignment import preference
 from slambed.campaign.backlog import Backlog
 from slambed.campaign.folder import ResultFolder
 from slambed.campaign.host_connection import Credentials, HostConnection
-from slambed.campaign.host_executor import HostExecutor, Place
+from slambed.campaign.host_executor import HostExecutor, Place, preference
 from slambed.campaign.host_messages import Joined
 from slambed.campaign.host_worker import harness_digest
 from slambed.campaign.ledger import Ledger

@@ -18,8 +18,7 @@ from waiting import until
 
 from slambed.campaign.campaign_state import InHand
 from slambed.campaign.ledger import Ledger
-from slambed.campaign.recent import SECONDS, Recent
-from slambed.campaign.run_in_hand import RunFollower
+from slambed.campaign.run_in_hand import RECENT_S, Recent, RunFollower
 from slambed.commands.watch_view import Sparkline, spark
 from slambed.errors import ExitCode
 from slambed.metrics.events import read_jsonl
@@ -130,7 +129,7 @@ def test_a_curve_has_a_gap_where_nothing_was_measured() -> None:
     assert spark(recent.values(), 40.0, "0123456789") == "4 9"
     for second in range(4, 100):
         recent.add(second, 1.0)
-    assert recent.values() == [1.0] * SECONDS
+    assert recent.values() == [1.0] * RECENT_S
 
 
 def test_a_narrow_terminal_shows_the_same(results: Path) -> None:

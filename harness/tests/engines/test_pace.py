@@ -21,7 +21,7 @@ from results_factory import RawRun, spec_of
 from results_factory import write_experiment as write_results
 from virtual_parts import make_sequence, needs_programs
 
-from slambed.engines.paced import paced_devices
+from slambed.engines.live_run import paced_devices
 from slambed.errors import ExitCode, SlambedError
 from slambed.metrics import pace
 from slambed.metrics.events import EventLog

@@ -16,7 +16,7 @@ from command_line import refused, slambed
 from results_factory import quickstart_like
 from rich.console import Console
 
-from slambed.commands.find_run import find_run
+from slambed.commands.explain import find_run
 from slambed.commands.report_request import FIGURES
 from slambed.commands.run_and_report import show_report
 from slambed.errors import SlambedError

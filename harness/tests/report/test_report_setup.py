@@ -17,7 +17,7 @@ from path_files import write_path
 from results_factory import RawRun, room_walk, spec_of, write_experiment
 from rich.console import Console
 
-from slambed.commands.find_run import find_run
+from slambed.commands.explain import find_run
 from slambed.data.trajectory import Trajectory, read_tum
 from slambed.explain.view import view_of, write_png
 from slambed.report.compute_times import ComputeTime, compute_times

@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 import yaml
 
-from slambed.campaign.preview import chosen, preview
+from slambed.campaign.run_plan import chosen, preview
 from slambed.campaign.store import RunStore
 from slambed.errors import SlambedError
 from slambed.spec.library import Library

@@ -8,13 +8,14 @@ A wrong mapping is worse than a missing one, because its verdict is about someth
 from collections import Counter
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
+from fnmatch import fnmatchcase
+from typing import Any
 
 from slambed.papers.lint.checkout import Checkout, fits_any
 from slambed.papers.lint.lint_names import name_problems
 from slambed.papers.lint.lint_open import open_problems
 from slambed.papers.lint.lint_plan import plan_problems
 from slambed.papers.lint.problem import Problem
-from slambed.papers.lint.resolve import unresolved
 from slambed.papers.published.cells import PublishedCell, cells_of, resolution_of, table_cells
 from slambed.papers.published.claims import Claim, Configured
 from slambed.papers.published.contrasts import Contrast
@@ -150,7 +151,7 @@ class _Look:
                 yield Problem(contrast.id, f"flat needs a margin as a ratio, {name} has none")
 
     def _mapped(self, cell: PublishedCell) -> Iterator[Problem]:
-        for what in unresolved(self.paper, cell):
+        for what in _unresolved(self.paper, cell):
             yield Problem(cell.id, what)
         if cell.metric in self.paper.metrics and cell.metric not in self.paper.margins:
             yield Problem(cell.id, f"margins: none for '{cell.metric}', write one before the runs")
@@ -182,7 +183,7 @@ class _Look:
                 system=operand.system,
                 conditions=operand.conditions,
             )
-            for what in unresolved(self.paper, at):
+            for what in _unresolved(self.paper, at):
                 yield Problem(where, f"quantity: {what}")
         elif operand not in self.cells:
             yield Problem(where, f"quantity: no cell, claim or point {operand}")
@@ -226,3 +227,36 @@ class _Look:
         value = self.cells[claim.id].value
         if not isinstance(ours, int | float) or value != ours * at.scale:
             yield Problem(claim.id, f"configured: the paper has {value}, we have {ours}")
+
+
+def _unresolved(paper: Paper, cell: PublishedCell) -> Iterator[str]:
+    """Yields a line for each coordinate of a published number that leads to no runs of ours."""
+    if cell.metric not in paper.metrics:
+        yield f"metric '{cell.metric}' has no number of ours: metrics, or unmappable: why?"
+    if cell.system is None:
+        yield "no system is named: unmappable?"
+    elif cell.system not in paper.systems:
+        yield f"system '{cell.system}' has no counterpart of ours: systems, or unmappable: why?"
+    left = dict(cell.conditions)
+    dataset = left.pop("dataset", None)
+    if dataset is None:
+        yield "no dataset is named: say which in read_as, or unmappable: why?"
+    elif dataset not in paper.datasets:
+        yield f"dataset '{dataset}' has no counterpart of ours: datasets, or unmappable: why?"
+    for name, value in left.items():
+        if not _expressible(paper, cell.system, name, value):
+            yield f"condition {name} = {value} cannot be expressed: conditions, or unmappable: why?"
+
+
+def _expressible(paper: Paper, system: str | None, name: str, value: Any) -> bool:
+    """Returns whether a condition selects runs, or is marked as irrelevant (`ignore`)."""
+    rule = paper.conditions.get(name)
+    if rule == "ignore":
+        return True
+    if not isinstance(rule, dict):
+        return False
+    if "column" in rule:
+        only = rule.get("systems")
+        applies = not only or any(fnmatchcase(str(system), pattern) for pattern in only)
+        return not applies or isinstance(value, int | float)
+    return value in rule or "*" in rule
