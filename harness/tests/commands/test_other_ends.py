@@ -158,6 +158,8 @@ def test_a_limit_on_the_size_of_files_is_one_line(experiment: Path, tmp_path: Pa
         *SLAMBED,
         "run",
         str(experiment),
+        "--engine",
+        "virtual",
         "--runs",
         "1",
         "--results",
