@@ -2,7 +2,7 @@
 """What pyproject.toml cannot say: a wheel has in slambed/checkout what runs need of a checkout.
 
 With SLAMBED_WHEEL_BUILD=FOLDER (tools/wheel.sh) it also has the programs of FOLDER, in
-slambed/checkout/build, and is for one platform.
+slambed/checkout/build, and is for one platform: this machine's, or SLAMBED_WHEEL_MACHINE.
 """
 
 import os
@@ -27,7 +27,8 @@ LEFT_OUT = {"tests", "bench", "__pycache__", "bin", "runs.tar.xz"}
 """Folders that no program is built of, and the kept runs of papers, which are large."""
 PROGRAMS = os.environ.get("SLAMBED_WHEEL_BUILD")
 # Debian 12's glibc, the oldest that wheels are tested on. The programs are static and need none.
-PLATFORM = f"manylinux_2_36_{platform.machine()}"
+MACHINE = os.environ.get("SLAMBED_WHEEL_MACHINE", platform.machine())
+PLATFORM = f"manylinux_2_36_{MACHINE}"
 
 
 def kept_files() -> list[str]:

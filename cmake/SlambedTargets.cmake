@@ -15,6 +15,9 @@ add_library(slambed_flags INTERFACE)
 # Without contraction into FMA and without -march, the same source gives the same bytes on every machine.
 # Hot integer kernels choose their instruction set at run time instead (target_clones).
 target_compile_options(slambed_flags INTERFACE -Wall -Wextra -Wshadow -ffp-contract=off)
+# With its vector kernels Eigen adds in another order on each architecture, and fuses on arm64 whatever the flags say. Runs take
+# as long without them (docs/logbook/2026-11-26-same-bytes-on-arm64.md).
+target_compile_definitions(slambed_flags INTERFACE EIGEN_DONT_VECTORIZE)
 if(SLAMBED_WERROR)
   target_compile_options(slambed_flags INTERFACE -Werror)
 endif()

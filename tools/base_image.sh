@@ -1,27 +1,32 @@
 #!/bin/bash
 # SPDX-License-Identifier: Apache-2.0
-# base_image.sh [IMAGE]: makes sure that a base image exists (debian:bookworm-slim): pulls it, or makes one of Debian with
-# debootstrap.
+# base_image.sh [IMAGE] [ARCHITECTURE]: makes sure that a base image exists (debian:bookworm-slim): pulls it, or makes one of
+# Debian with debootstrap. With an architecture, such as arm64, it is always made, since a pulled image would take the place of
+# this machine's own; the name ends in SUITE-ARCHITECTURE, and this machine must be able to execute such programs (QEMU).
 set -euo pipefail
 
 image=${1:-debian:bookworm-slim}
-suite=${image#debian:}
+architecture=${2:-}
+suite=${image#*:}
 suite=${suite%-slim}
+suite=${suite%"-$architecture"}
 mirror=${SLAMBED_DEBIAN_MIRROR:-http://deb.debian.org/debian}
 pull_timeout_s=120
 
 if docker image inspect "$image" >/dev/null 2>&1; then
   exit 0
 fi
-echo "pulling $image"
-if timeout "$pull_timeout_s" docker pull -q "$image"; then
-  exit 0
+if [ -z "$architecture" ]; then
+  echo "pulling $image"
+  if timeout "$pull_timeout_s" docker pull -q "$image"; then
+    exit 0
+  fi
+  if [[ $image != debian:* ]]; then
+    echo "error: cannot pull $image; check the network, or load the image with 'docker load'" >&2
+    exit 3
+  fi
+  echo "cannot pull $image: making it with debootstrap (about a minute)"
 fi
-if [[ $image != debian:* ]]; then
-  echo "error: cannot pull $image; check the network, or load the image with 'docker load'" >&2
-  exit 3
-fi
-echo "cannot pull $image: making it with debootstrap (about a minute)"
 if [ "$(id -u)" -ne 0 ]; then
   echo "error: debootstrap needs root, $image cannot be pulled; run 'sudo make images'" >&2
   exit 3
@@ -34,7 +39,7 @@ trap 'rm -rf "$folder"' EXIT
 # A partial system from a failed attempt would make the next one fail.
 make_system() {
   rm -rf "$folder"
-  debootstrap --variant=minbase --include=ca-certificates "$suite" "$folder" "$mirror" >"$folder.log" 2>&1
+  debootstrap ${architecture:+--arch="$architecture"} --variant=minbase --include=ca-certificates "$suite" "$folder" "$mirror" >"$folder.log" 2>&1
 }
 thrice make_system || {
   tail -n 5 "$folder.log" >&2
@@ -45,4 +50,4 @@ thrice make_system || {
 rm -f "$folder.log"
 # apt's caches would only make the image larger.
 rm -rf "$folder"/var/cache/apt/archives/*.deb "$folder"/var/lib/apt/lists/*
-tar -C "$folder" -c . | docker import - "$image"
+tar -C "$folder" -c . | docker import ${architecture:+--platform "linux/$architecture"} - "$image"

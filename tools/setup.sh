@@ -1,6 +1,6 @@
 #!/bin/bash
 # SPDX-License-Identifier: Apache-2.0
-# setup.sh run|live|build|test|browser|bench|fuzz|image ...: installs the missing Debian/Ubuntu packages of these groups.
+# setup.sh run|live|build|test|browser|bench|fuzz|image|arm64 ...: installs the missing Debian/Ubuntu packages of these groups.
 set -euo pipefail
 
 packages_for() {
@@ -17,7 +17,9 @@ packages_for() {
     bench) echo libbenchmark-dev ;;
     fuzz) echo clang "$(clang_runtime)" ;;
     image) echo debootstrap debian-archive-keyring ;;
-    *) echo "error: setup.sh $1: not one of run, live, build, test, browser, bench, fuzz, image" >&2; exit 2 ;;
+    # Programs for arm64 run as if they were this machine's.
+    arm64) echo qemu-user-static binfmt-support binutils-aarch64-linux-gnu ;;
+    *) echo "error: setup.sh $1: not one of run, live, build, test, browser, bench, fuzz, image, arm64" >&2; exit 2 ;;
   esac
 }
 

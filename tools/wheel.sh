@@ -1,7 +1,8 @@
 #!/bin/bash
 # SPDX-License-Identifier: Apache-2.0
 # wheel.sh BUILD_FOLDER OUT [PYTHON]: makes a wheel with the programs of BUILD_FOLDER/bin in the folder OUT. It installs on a
-# machine without a compiler. PYTHON (default .venv/bin/python) has pip and setuptools.
+# machine without a compiler. PYTHON (default .venv/bin/python) has pip and setuptools. $STRIP and $SLAMBED_WHEEL_MACHINE are for
+# programs of another architecture.
 set -euo pipefail
 
 bin=${1:?folder}/bin
@@ -21,7 +22,7 @@ programs_are_static || { echo "error: the programs in $bin need shared libraries
 parts=$(mktemp -d)
 trap 'rm -rf "$parts"; give_to_caller "$out"' EXIT
 mkdir "$parts/bin" "$parts/licenses"
-for program in $programs; do strip -o "$parts/bin/$program" "$bin/$program"; done
+for program in $programs; do "${STRIP:-strip}" -o "$parts/bin/$program" "$bin/$program"; done
 cp "$bin/sources.sha256" "$parts/bin"
 # Static programs contain these libraries, so their licenses go along.
 for package in libc6-dev libstdc++-"$(c++ -dumpversion)"-dev libeigen3-dev nlohmann-json3-dev libcli11-dev zlib1g-dev libturbojpeg0-dev; do

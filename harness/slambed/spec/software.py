@@ -58,8 +58,8 @@ def host_software(root: Path | None = None, program: str = "slambed-node") -> st
 
     `make build` leaves a stamp next to the programs. A stamp of other sources means that the
     programs are stale; programs without a stamp (a developer's own build) are identified by a hash
-    of their bytes. The tag of a virtual run also names the target, the compiler and the libraries
-    of the simulation: results are bit-identical only where these are the same too
+    of their bytes. The tag of a virtual run also names the compiler and the libraries of the
+    simulation: results are bit-identical only where these are the same too
     (docs/explanation/virtual-time.md).
     """
     path = find_program(program)
@@ -74,7 +74,7 @@ def host_software(root: Path | None = None, program: str = "slambed-node") -> st
 
 @cache
 def _machine(simulation: Path, _mtime_ns: int) -> str:
-    """Returns `@x86_64-sse2-gcc12.2.0-...` as the program reports it, cached for the whole
+    """Returns `@gcc12.2.0-libstdcxx12-...` as the program reports it, cached for the whole
     campaign."""
     try:
         done = subprocess.run([simulation, "--machine"], capture_output=True, check=True)

@@ -78,9 +78,9 @@ def test_the_program_says_what_its_results_hang_on() -> None:
         [find_program("slambed-sim"), "--machine"], capture_output=True, text=True, check=True
     )
     machine = json.loads(done.stdout)
-    assert machine["architecture"] in (os.uname().machine, "other")
-    facts = {"architecture", "floating_point", "compiler", "standard_library", "libraries"}
-    assert machine.keys() == facts
+    compared = os.uname().machine in ("x86_64", "aarch64")
+    other = set() if compared else {"architecture"}
+    assert machine.keys() == {"compiler", "standard_library", "libraries"} | other
     assert "unknown" not in machine.values() and re.search(r"eigen \d.*turbojpeg \d", done.stdout)
 
 

@@ -6,15 +6,13 @@
 namespace slambed {
 
 /// Returns, as one line of JSON, what the results of a virtual run depend on besides inputs and
-/// sources: architecture, compiler and library versions (docs/explanation/virtual-time.md, "Same
-/// bytes"). It is part of the run key.
+/// sources: compiler and library versions (docs/explanation/virtual-time.md, "Same bytes"). It is
+/// part of the run key. x86-64 and arm64 give the same bytes; others were never compared.
 inline std::string machine_json(const std::string& libraries) {
-#if defined(__x86_64__)
-  const std::string architecture = "x86_64", floating_point = "sse2";
-#elif defined(__aarch64__)
-  const std::string architecture = "aarch64", floating_point = "neon, fused";
+#if defined(__x86_64__) || defined(__aarch64__)
+  const std::string architecture;
 #else
-  const std::string architecture = "other", floating_point = "unknown";
+  const std::string architecture = R"("architecture": "other", )";
 #endif
 #if defined(__clang__)
   const std::string compiler = __VERSION__;  // starts with the compiler's name
@@ -28,9 +26,8 @@ inline std::string machine_json(const std::string& libraries) {
 #else
   const std::string standard_library = "unknown";
 #endif
-  return R"({"architecture": ")" + architecture + R"(", "floating_point": ")" + floating_point +
-         R"(", "compiler": ")" + compiler + R"(", "standard_library": ")" + standard_library +
-         R"(", "libraries": ")" + libraries + "\"}";
+  return "{" + architecture + R"("compiler": ")" + compiler + R"(", "standard_library": ")" +
+         standard_library + R"(", "libraries": ")" + libraries + "\"}";
 }
 
 }  // namespace slambed

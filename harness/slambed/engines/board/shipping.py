@@ -50,17 +50,22 @@ def bring_image(
     connection: BoardConnection, here: docker.DockerClient | None, notify: Notify
 ) -> Any:
     """Returns the node image of these sources on the board: an existing one, or else a copy of
-    this machine's image if the architectures match, or else one built on the board."""
+    this machine's image for its architecture, or else one built on the board.
+
+    An image for another architecture than this machine's has a name of its own, such as
+    slambed-node:HASH-arm64 (tools/arm64.sh).
+    """
     wanted, tag = must_be_known(connection), image_tag()
     with daemon_failures(f"look for {tag} on board {connection.name}"):
         there = _image(connection.docker, tag)
         if there is not None and there.attrs["Architecture"] == wanted:
             return there
-        ours = None if here is None else _image(here, tag)
-        if ours is not None and ours.attrs["Architecture"] == wanted:
-            size_mb = ours.attrs["Size"] / 2**20
-            notify(f"copying image {tag} to board {connection.name} ({size_mb:.0f} MB)")
-            connection.docker.images.load(ours.save(named=True))
+        if (ours := _image_here(here, tag, wanted)) is not None:
+            name, image = ours
+            size_mb = image.attrs["Size"] / 2**20
+            notify(f"copying image {name} to board {connection.name} ({size_mb:.0f} MB)")
+            connection.docker.images.load(image.save(named=name))
+            connection.docker.images.get(name).tag(tag)
         else:
             notify(f"building image {tag} on board {connection.name}, for {wanted}")
             _build_there(connection, tag)
@@ -78,6 +83,15 @@ def _image(client: docker.DockerClient, tag: str) -> Any | None:
         return client.images.get(tag)
     except ImageNotFound:
         return None
+
+
+def _image_here(here: docker.DockerClient | None, tag: str, wanted: str) -> tuple[str, Any] | None:
+    """Returns name and image of this machine for an architecture; None if it has none."""
+    for name in (tag, f"{tag}-{wanted}"):
+        image = None if here is None else _image(here, name)
+        if image is not None and image.attrs["Architecture"] == wanted:
+            return name, image
+    return None
 
 
 def _build_there(connection: BoardConnection, tag: str) -> None:

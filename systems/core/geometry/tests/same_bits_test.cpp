@@ -44,7 +44,7 @@ TEST(SameBits, OfRigidMotions) {
     digest.add(T.t);
     digest.add(T.log());
   }
-  EXPECT_EQ(digest.value(), 17720266580665568026u);
+  EXPECT_EQ(digest.value(), 16677356545596457167u);
 }
 
 TEST(SameBits, OfSimilarities) {
@@ -56,7 +56,7 @@ TEST(SameBits, OfSimilarities) {
     digest.add(S.t);
     digest.add(sim3_log(S));
   }
-  EXPECT_EQ(digest.value(), 3693943127012225747u);
+  EXPECT_EQ(digest.value(), 4552606564593939066u);
 }
 
 TEST(SameBits, OfTwoViews) {
@@ -67,9 +67,10 @@ TEST(SameBits, OfTwoViews) {
     const SE3 T_21 = SE3::exp(0.2 * tangent(random).head<6>());
     std::vector<PixelPair> pairs;
     for (int i = 0; i < 150; ++i) {
-      const Eigen::Vector3d p(random.uniform(-2, 2), random.uniform(-1.5, 1.5),
-                              random.uniform(3, 8));
-      const Eigen::Vector2d noise(random.uniform(-0.5, 0.5), random.uniform(-0.5, 0.5));
+      // Braces, because compilers order the arguments of a call as they like.
+      const Eigen::Vector3d p{random.uniform(-2, 2), random.uniform(-1.5, 1.5),
+                              random.uniform(3, 8)};
+      const Eigen::Vector2d noise{random.uniform(-0.5, 0.5), random.uniform(-0.5, 0.5)};
       pairs.push_back({camera.project(p), camera.project(T_21 * p) + noise});
     }
     const TwoViewResult found = reconstruct_two_views(camera, pairs, {});
@@ -77,7 +78,7 @@ TEST(SameBits, OfTwoViews) {
     digest.add(found.T_21.R);
     for (const Eigen::Vector3d& p : found.p_1) digest.add(p);
   }
-  EXPECT_EQ(digest.value(), 11513926544251251811u);
+  EXPECT_EQ(digest.value(), 2340943243961977778u);
 }
 
 }  // namespace

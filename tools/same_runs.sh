@@ -1,0 +1,34 @@
+#!/bin/bash
+# SPDX-License-Identifier: Apache-2.0
+# same_runs.sh BIN_A BIN_B EXPERIMENT [OPTION ...]: plays an experiment in virtual time with the programs of two folders, for
+# example of two architectures, and compares every file that was measured. The options are those of `slambed run`. The prepared
+# sequences are shared. Exit status 1: files differ; their names are printed.
+set -euo pipefail
+
+a=$(realpath "$1") b=$(realpath "$2") name=$3
+shift 3
+root=$(cd "$(dirname "$0")/.." && pwd)
+work=$(mktemp -d)
+trap 'rm -rf "$work"' EXIT
+
+play() {
+  SLAMBED_BIN=$2 "$root/.venv/bin/slambed" run "$name" --engine virtual --results "$work/$1" --no-figures --jobs 2 "${@:3}" \
+    >"$work/$1.log" 2>&1 || { tail -n 20 "$work/$1.log" >&2; echo "error: $name with $2" >&2; exit 1; }
+  # A run's folder is named by its key, which may name the machine; its cell and seed are the same.
+  for manifest in "$work/$1/$(basename "$name" .yaml)"/runs/*/manifest.json; do
+    folder=$(dirname "$manifest")
+    run=$(python3 -c 'import json, sys; m = json.load(open(sys.argv[1])); print(m["cell"], m["seed"])' "$manifest")
+    (cd "$folder" && find . -type f \( -name '*.parquet' -o -name 'trajectory*.txt' \) -exec sha256sum {} + | sed "s|  \./|  $run |")
+  done | sort -k2 >"$work/$1.sums"
+}
+play a "$a" "$@"
+play b "$b" "$@"
+files=$(wc -l <"$work/a.sums")
+[ "$files" -gt 0 ] || { echo "error: no run of $name measured anything" >&2; exit 1; }
+if different=$(diff "$work/a.sums" "$work/b.sums"); then
+  echo "$name: same bytes, $files files"
+else
+  sed -n 's/^[<>] [0-9a-f]*  /differs: /p' <<<"$different" | sort -u
+  echo "$name: different bytes, of $files files" >&2
+  exit 1
+fi
