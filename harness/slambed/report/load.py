@@ -13,7 +13,7 @@ import pandas as pd
 import pyarrow as pa
 import pyarrow.parquet as pq
 
-from slambed.data.stand_in import used_instead
+from slambed.data.stand_in import played_instead
 from slambed.data.trajectory import Trajectory, read_tum
 from slambed.errors import SlambedError
 from slambed.files.json_file import object_or_empty
@@ -442,7 +442,7 @@ def _stand_ins(experiment: dict[str, Any]) -> list[str]:
     pairs = found.items() if isinstance(found, dict) else ()
     asked = names if isinstance(names, dict) else {}
     return [
-        used_instead(
+        played_instead(
             str(used), str(wanted), " and ".join(n for n, led_to in asked.items() if led_to == used)
         )
         for used, wanted in pairs

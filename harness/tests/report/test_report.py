@@ -334,10 +334,7 @@ def test_missing_runs_of_the_plan_are_reported(experiment: Path) -> None:
 
 def test_a_report_says_once_what_is_used_instead_of_what(experiment: Path) -> None:
     content = {"experiment": {"title": "Kitchen"}, "stand_ins": {"a_room": "redkitchen"}}
-    line = (
-        "the recorded sequence (redkitchen) was not found, so a_room is used; numbers of the two "
-        "cannot be compared"
-    )
+    line = "a_room is played instead of redkitchen: numbers of the two cannot be compared"
     (experiment / "experiment.json").write_text(json.dumps(content))
     assert load(experiment).stand_ins == [line]  # results of before do not name the dataset
     content["datasets"] = {"quickstart": "a_room", "hall": "hall"}
