@@ -338,7 +338,8 @@ def circumstance(
 ) -> Circumstance:
     """Returns engine, devices, commit, seeds, plan and runs per number."""
     paper = verdicts.paper
-    used = [r for r in experiments if r.name in experiments_behind(column)]
+    behind = experiments_behind(column)
+    used = [r for r in experiments if r.name in behind]
     commits = sorted({c[:7] for r in used for c in r.facts.get("commit", {})})
     counts = [_runs_of(r) for r in column.rows.values() if r.measured.there]
     engine = column.engine
