@@ -29,7 +29,7 @@ from slambed.papers.paper_view import (
     bars,
     circumstance,
     headline,
-    twelve_lines,
+    terminal_lines,
     twin,
     why_not,
 )
@@ -89,7 +89,7 @@ def write_paper_page(
     write_tables(tables, target / "tables")
     markdown = target / "page.md"
     markdown.write_text(_markdown(verdicts, experiments, tables), encoding="utf-8")
-    return PaperPage(html, markdown, twelve_lines(verdicts, experiments), verdicts)
+    return PaperPage(html, markdown, terminal_lines(verdicts, experiments), verdicts)
 
 
 def write_overview(
@@ -261,7 +261,7 @@ def _tables(verdicts: PaperVerdicts, column: Column) -> list[Table]:
 
 def _markdown(verdicts: PaperVerdicts, experiments: list[Results], tables: list[Table]) -> str:
     lines = [f"# {verdicts.paper.paper.title}", ""]
-    lines += [f"    {line}" for line in twelve_lines(verdicts, experiments)]
+    lines += [f"    {line}" for line in terminal_lines(verdicts, experiments)]
     for table in tables:
         lines += ["", f"## {table.caption}", "", table.markdown()]
     return "\n".join(lines)
