@@ -140,7 +140,7 @@ def ordering_table(verdicts: PaperVerdicts, column: Column) -> Table:
                 item.values(True),
                 item.words,
                 item.provenance.replace("_", " "),
-                "; ".join(filter(None, (item.floor, item.ordering.why))),
+                "; ".join(filter(None, (item.floor, item.why))),
                 item.holding,
             ]
         )

@@ -132,13 +132,29 @@ class JudgedOrdering:
         return f"{parts['holds']} of {len(self.chains)} {self.chain_words[1]} hold{other}"
 
     @property
+    def why(self) -> str:
+        """Returns the test's reason, and the chance that it would have shown: none where ours
+        cannot differ."""
+        ordering = self.ordering
+        chance = "" if self.cannot_differ else ordering.chance
+        return "; ".join(filter(None, (ordering.why, chance)))
+
+    @property
+    def cannot_differ(self) -> bool:
+        """Returns whether our values are alike in all of its pairs, as where no run lost track."""
+        return self._alike().total() == len(self.chains)
+
+    def _alike(self) -> Counter[str]:
+        """Counts the pairs in which our values cannot differ, by the reason."""
+        return Counter(filter(None, (alike([m for _, m in chain]) for chain in self.chains)))
+
+    @property
     def floor(self) -> str:
         """Returns `no run of ours lost track: nothing to compare`; empty where ours can differ, or
         show the ordering."""
         if self.kind == "holds":
             return ""
-        found = Counter(filter(None, (alike([m for _, m in chain]) for chain in self.chains)))
-        whole = found.total() == len(self.chains)
+        found, whole = self._alike(), self.cannot_differ
         parts = [
             words
             if whole and len(found) == 1

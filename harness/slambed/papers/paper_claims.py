@@ -164,7 +164,7 @@ def in_short(assumed: Sequence[str]) -> list[str]:
 def _claim(engine: str, item: JudgedOrdering) -> ClaimLine:
     ordering, kind = item.ordering, item.kind
     weak = WEAK.get(item.provenance, "") if kind in SHOWN else ""
-    notes = [ordering.why]
+    notes = [item.why]
     if item.provenance == "fitted":
         notes.insert(0, "a device was set to match some of these numbers: no evidence")
     if item.stand_ins:
@@ -199,7 +199,7 @@ def _claim(engine: str, item: JudgedOrdering) -> ClaimLine:
 def _chance(item: JudgedOrdering) -> str:
     ordering = item.ordering
     by = f", by {ordering.spread}" if ordering.spread else ""
-    if item.kind == "not_seen" and ordering.power is not None:
+    if item.kind == "not_seen" and ordering.power is not None and not item.cannot_differ:
         return f"would have shown with a chance of {100 * ordering.power:.0f} %{by}"
     if item.kind != "too_few_runs":
         return ""

@@ -276,6 +276,8 @@ def test_where_ours_cannot_differ_the_page_says_why(dynnetslam: Paper, tmp_path:
         page = write_paper_page(dynnetslam, [table_2(lost, 100)], tmp_path)
         assert page.verdicts is not None
         lines = claim_lines(page.verdicts.columns[0], every=True)
+        cannot = [line for line in lines if line.pairs.endswith("nothing to compare")]
+        assert not any("would have shown" in line.note + line.chance for line in cannot)
         return {line.anchor.partition(".")[2]: line.pairs for line in lines}, page
 
     never = "no run of ours lost track: nothing to compare"
@@ -288,9 +290,10 @@ def test_where_ours_cannot_differ_the_page_says_why(dynnetslam: Paper, tmp_path:
     assert "0 (0/100)" in entry and "; no run of ours lost track" in entry
     always, _ = shown({"conventional": [100] * 5, "static": [100] * 5})
     assert always["O04"] == "every run of ours lost track: nothing to compare"
-    some, _ = shown({"conventional": [60, 60, 60, 0, 0], "static": [5, 5, 5, 0, 0]})
+    some, page = shown({"conventional": [60, 60, 60, 0, 0], "static": [5, 5, 5, 0, 0]})
     where = "in 2 of 5 pairs no run of ours lost track: nothing to compare there"
     assert some["O03"] == f"3 of 5 pairs hold; {where}"
+    assert "; would have shown with a chance of " in "".join(page.lines)
     equal, _ = shown({"conventional": [5] * 5, "static": [5] * 5})
     assert "nothing to compare" not in " ".join(equal.values())
 

@@ -74,6 +74,14 @@ class Ordering:
     parts: tuple[Part, ...] = ()
     """The outcome of each step, if there are several and all have enough runs."""
 
+    @property
+    def chance(self) -> str:
+        """Returns `power` as a sentence; empty without it."""
+        if self.power is None:
+            return ""
+        by = f", by {self.spread}" if self.spread else ""
+        return f"a difference as printed would have shown in {self.power:.0%} of campaigns{by}"
+
 
 @dataclass(frozen=True)
 class Step:
@@ -221,9 +229,7 @@ def _not_shown(
 ) -> Ordering:
     """Returns the verdict if neither it nor its opposite is shown; `power` is the chance that it
     would have been, if the paper's numbers were true."""
-    by = f", by {base.spread}" if base.spread else ""
-    why = f"{reported}; a difference as printed would have shown in {power:.0%} of campaigns{by}"
-    base = replace(base, why=why, power=power)
+    base = replace(base, why=reported, power=power)
     if power >= SEEN_POWER:
         return replace(base, outcome="not_seen")
     return replace(base, outcome="too_few_runs", runs_needed=needed())
