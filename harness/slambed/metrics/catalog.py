@@ -48,6 +48,8 @@ with stored values."""
 SHOWN, DRAWN, TESTED, GATED = Use.SHOWN, Use.DRAWN, Use.TESTED, Use.GATED
 HEADLINE = SHOWN | DRAWN | TESTED | GATED
 
+NO_LOSS = ("track_losses", "no run lost track")
+
 Text = partial(Metric, type="text")
 Count = partial(Metric, type="count", digits=0)
 Flag = partial(
@@ -201,7 +203,7 @@ METRICS: tuple[Metric, ...] = (
     Count("track_losses", "transitions ok -> lost", _tracking(lambda t: t.track_losses),
           better="lower", relevant_step=1.0),
     Metric("first_loss_s", "sequence time of the first loss; null when none",
-           _tracking(lambda t: t.first_loss_s), "first loss", "s"),
+           _tracking(lambda t: t.first_loss_s), "first loss", "s", null_without=NO_LOSS),
     Text("loss_times_s", 'sequence times of all losses: "22.4 31.07"; empty when none',
          _tracking(lambda t: loss_times_text(t.loss_times_s))),
     LowerIsBetter(
@@ -212,17 +214,18 @@ METRICS: tuple[Metric, ...] = (
     LowerIsBetter(
         "reloc_s_max", "longest time from the first frame that showed something, while lost, to "
         "the next pose", _tracking(lambda t: t.reloc_s_max), "longest relocalization", "s",
-        digits=2, relevant_step=0.1),
+        digits=2, relevant_step=0.1, null_without=NO_LOSS),
     LowerIsBetter(
         "reloc_known_s", "mean over losses: from the lost camera's return to a place where it had "
         "been tracked (true poses) to the next pose",
         lambda run: run.known_place_s, "recovery at known places", "s", digits=2,
-        relevant_step=0.1),
+        relevant_step=0.1, null_without=NO_LOSS),
     Count("resets", "maps given up", _tracking(lambda t: t.resets)),
     Count("loops_closed", "loops closed",
           lambda run: len(run.log.of("loop_closed")) if run.measured else None),
     Metric("first_loop_s", "run time at which the first loop was closed; null when none",
-           first_loop_s, "first loop closed", "s"),
+           first_loop_s, "first loop closed", "s",
+           null_without=("loops_closed", "no run closed a loop")),
     Count("keyframes", "in the global map at the end, so without culled ones; those of a prior map "
           "count", _mapped("keyframes"), "keyframes in the map"),
     Count("map_points", "in the global map at the end", _mapped("points")),

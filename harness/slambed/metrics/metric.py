@@ -64,6 +64,8 @@ class Metric:
     use: Use = Use.ASKED
     live_only: bool = False
     """Virtual runs have no value: their link, limits and host are models."""
+    null_without: tuple[str, str] = ("", "")
+    """Key of a count, and what is true where it is 0 in every run: this metric is null then."""
 
     @property
     def meaning(self) -> str:

@@ -6,6 +6,7 @@ from collections import Counter
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from itertools import islice
 from pathlib import Path
 from typing import Any
 
@@ -211,8 +212,9 @@ def load(folder: Path) -> Results:
     def samples(run_key: str) -> pd.DataFrame | None:
         return results.table(run_key, "samples")
 
-    for reported in (*held_up(runs), *waited(runs, samples), *stalled_links(runs)):
-        results.complain(reported)
+    for lines in (held_up(runs), waited(runs, samples), stalled_links(runs)):
+        for line in islice(lines, MOST_PROBLEMS_PER_KIND):
+            results.complain(line)
     return results
 
 

@@ -31,6 +31,9 @@ def _reason(results: Results, item: Metric) -> str:
     runs = results.valid_runs
     if item.key not in results.numbers():
         return "no system of these runs reports it"
+    counted, without = item.null_without
+    if without and runs[counted].eq(0).all():
+        return without
     if item.key in FROM_TRUTH and runs["groundtruth"].isna().all():
         return "no run has a ground truth"
     if item.live_only and is_virtual(runs):
