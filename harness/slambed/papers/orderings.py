@@ -34,7 +34,7 @@ WAS_RUN: tuple[Missing, ...] = ("no_events", "no_metric")
 
 OrderKind = OrderOutcome | Literal["not_run", "half_run", "no_events", "no_number"]
 KINDS: dict[OrderKind, str] = {
-    "holds": "holds", "reversed": "reversed", "not_seen": "not seen",
+    "holds": "holds", "reversed": "reversed", "not_seen": "not shown by ours",
     "too_few_runs": "too few runs", "inconclusive": "inconclusive",
     "not_shown_by_paper": "not shown by the paper", "no_events": "run, events not kept",
     "no_number": "no number of ours", "half_run": "not all run", "not_run": "not run",
@@ -42,7 +42,7 @@ KINDS: dict[OrderKind, str] = {
 """Words for an ordering's outcome on the page, the terminal and in tables."""
 CHAINS = {"blocks": ("sequence", "sequences"), "flat": ("curve", "curves")}
 """Kind of a contrast -> what its chains are called, where they are no pairs."""
-PARTLY: dict[OrderKind, str] = {"not_seen": "not seen in full", "reversed": "reversed in part"}
+PARTLY: dict[OrderKind, str] = {"not_seen": "not shown in full", "reversed": "reversed in part"}
 """Words for an ordering with several pairs, some of which hold."""
 
 
@@ -463,6 +463,6 @@ class OrderingCase:
         for name, datasets in ours.items():
             if len(datasets) > 1:
                 return (
-                    f"its cells on {name} are on several sequences: {', '.join(sorted(datasets))}"
+                    f"its numbers on {name} are of several sequences: {', '.join(sorted(datasets))}"
                 )
         return ""

@@ -20,7 +20,7 @@ from slambed.papers.compare import (
 )
 from slambed.papers.environment import environment
 from slambed.papers.figures import drawn_figures
-from slambed.papers.judged import MARKS, Judged
+from slambed.papers.judged import MARK_NAMES, MARKS, Judged
 from slambed.papers.lookup import Pool, pool_of
 from slambed.papers.paper_claims import claim_groups, claims_per_engine, definitions, text_lines
 from slambed.papers.paper_view import (
@@ -127,7 +127,12 @@ def write_overview(
 
 
 def _look() -> dict[str, Any]:
-    return {"style": Markup(STYLE), "marks": MARKS, "legend_words": MARK_WORDS, "colors": COLORS}
+    return {
+        "style": Markup(STYLE),
+        "marks": MARK_NAMES,
+        "legend_words": MARK_WORDS,
+        "colors": COLORS,
+    }
 
 
 def _content(verdicts: PaperVerdicts, experiments: list[Results], target: Path) -> dict[str, Any]:

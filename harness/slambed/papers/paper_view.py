@@ -31,7 +31,7 @@ from slambed.report.load import Results
 
 MARK_WORDS: dict[Mark, str] = MARKS | {
     "F": "fitted: set to match, no evidence",
-    "S": "stand-in: played on substitute data",
+    "S": "substitute sequence: played instead of the paper's, shown and not judged",
     "E": "run, but kept without events",
 }
 """Words for the legend."""
@@ -57,8 +57,8 @@ class TwinCell:
     id: str
     paper: str
     ours: list[tuple[str, Mark, str, str]]
-    """Per engine: our number, mark, reason, and and how far off a fitted number is, or where a
-    stand-in's number lies."""
+    """Per engine: our number, mark, reason, and and how far off a fitted number is, or where the
+    number of a substitute sequence lies."""
 
 
 @dataclass(frozen=True)
@@ -223,7 +223,7 @@ def _recipe(dataset: str) -> Dataset | None:
 def _undecided(row: Judged) -> str:
     needed = row.verdict.runs_needed
     if needed is not None:
-        return f"inconclusive, {needed} runs per cell would decide"
+        return f"inconclusive, {needed} runs of each combination would decide"
     return "inconclusive, and no number of our runs alone would decide"
 
 
@@ -256,7 +256,7 @@ OUTCOME_WORDS: dict[str, tuple[str, str]] = {
     "hold": ("holds", "hold"),
     "reversed": ("is reversed", "are reversed"),
     "in_part": ("is reversed in part", "are reversed in part"),
-    "not_seen": ("is not seen", "are not seen"),
+    "not_seen": ("is not shown by ours", "are not shown by ours"),
     "open": ("cannot be told", "cannot be told"),
     "unshown": (
         "is not shown by the paper's own numbers",
@@ -316,8 +316,10 @@ def _outcomes(items: list[JudgedOrdering]) -> Headline:
 def _unshown(items: list[JudgedOrdering]) -> list[str]:
     """Returns what ours show of each ordering that the paper's own numbers do not show; nothing
     where they show nothing either."""
+    several = sum(outcome_of(item) == "unshown" for item in items) > 1
     return [
-        f'of these, "{item.contrast.says}" ({item.contrast.id.partition(".")[2]}), {item.holding}'
+        f'{"of these, " if several else ""}"{item.contrast.says}" '
+        f"({item.contrast.id.partition('.')[2]}), {item.holding}"
         for item in items
         if item.unshown in ("holds", "reversed")
     ]

@@ -98,7 +98,7 @@ class Sides:
                 runs = made.a.results.runs
                 cells = list(dict.fromkeys(runs[runs["run_key"].isin(shared)]["cell"].map(text)))
                 raise SlambedError(
-                    f"--a and --b both mean {_words_of('cell', cells)}; select more closely"
+                    f"--a and --b both mean {_words_of('combination', cells)}; select more closely"
                 )
         return made
 
@@ -188,8 +188,9 @@ class Sides:
             key = (" ".join(_words(shown)), *where)
             if key in found:
                 raise SlambedError(
-                    f"{letter} has two cells where the other side may have one: {found[key].cell} "
-                    f"and {cell}; select more closely, as in --{letter.lower()} link=..."
+                    f"{letter} has two combinations where the other side may have one: "
+                    f"{found[key].cell} and {cell}; select more closely, as in "
+                    f"--{letter.lower()} link=..."
                 )
             in_common = "/".join(filter(None, (shown, *where)))
             found[key] = Pooled(str(cell), in_common, rows)

@@ -457,4 +457,6 @@ def _report_missing(results: Results, planned: list[dict[str, Any]]) -> None:
     for cell, count in list(missing.items())[:MOST_PROBLEMS_PER_KIND]:
         results.complain(f"{cell}: {count} runs missing")
     if len(missing) > MOST_PROBLEMS_PER_KIND:
-        results.complain(f"... and {len(missing) - MOST_PROBLEMS_PER_KIND} more cells with gaps")
+        results.complain(
+            f"... and {len(missing) - MOST_PROBLEMS_PER_KIND} more combinations with gaps"
+        )

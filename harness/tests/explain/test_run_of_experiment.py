@@ -59,7 +59,10 @@ def test_a_single_combination_needs_no_selection(tmp_path: Path) -> None:
             "orbslam2/room_walk, edgeslam:static/room_walk/ramp_85",
         ),
         (("invented", "--only", "dataset=room_walk"), "has 2 combinations of that, pick one"),
-        (("invented", "--only", "system=nobody"), "--only system=nobody is no cell; system: "),
+        (
+            ("invented", "--only", "system=nobody"),
+            "--only system=nobody is no combination; system: ",
+        ),
         (("0000000000000001", "--only", "system=orbslam2"), "--only picks a run of an experiment"),
     ],
 )

@@ -161,10 +161,10 @@ def test_what_holds_without_being_evidence_looks_like_none(page: PaperPage) -> N
         )
         assert ("numbers set to match" in " ".join(reported.rest)) == (name == "fitted")
         outcomes = [outcome_of(item) for item in column.orderings]
-        counted = [line for line in reported.lines if not line.startswith("- of these")]
+        counted = [line for line in reported.lines if not line.startswith(("- of these", '- "'))]
         assert sum(map(int, re.findall(r"\d+", " ".join(counted)))) == 2 * len(outcomes)
     assert found == {
-        "stand-in": ("HOLDS ON A STAND-IN", "holds weak"),
+        "stand-in": ("HOLDS ON A SUBSTITUTE SEQUENCE", "holds weak"),
         "half": ("NOT ALL RUN", "half_run"),
         "fitted": ("HOLDS (FITTED, NO EVIDENCE)", "holds weak"),
     }
@@ -209,7 +209,7 @@ def test_of_several_pairs_those_that_do_not_hold_are_named(
     assert page.verdicts is not None
     lines = {c.anchor: c for c in claim_lines(page.verdicts.columns[0])}
     claim = lines["dynnet.O03"]
-    assert (claim.badge, claim.pairs) == ("NOT SEEN IN FULL", "3 of 5 pairs hold")
+    assert (claim.badge, claim.pairs) == ("NOT SHOWN IN FULL", "3 of 5 pairs hold")
     assert "31/100 > conventional" in claim.ours and "weakest of 5 pairs" in claim.ours
     assert ["30/100 = " in pair.ours for pair in claim.failing] == [True]
     assert claim.failing[0].where == "office, rtt_added_ms 60"
@@ -218,18 +218,20 @@ def test_of_several_pairs_those_that_do_not_hold_are_named(
     entry = html[html.index('<li id="dynnet.O03">') :].split("</details>")[0]
     assert entry.index("3 of 5 pairs hold") < entry.index("31/100") < entry.index("<details")
     assert entry.count("<li>") == 4 and entry.index("not shown") < entry.index("<li>holds")
-    assert re.search("<b>NOT SEEN</b>: our runs do not show it .* at least 90 %", html)
+    assert re.search("<b>NOT SHOWN BY OURS</b>: our runs do not show it .* at least 90 %", html)
     headline = paper_view.headline(page.verdicts, page.verdicts.columns[0])[0]
-    assert any(" not seen" in line for line in headline.rest)
+    assert any(" not shown by ours" in line for line in headline.rest)
     reported = next(
-        line for line in page.lines if "dynnet" not in line and line.startswith("[NOT SEEN")
+        line
+        for line in page.lines
+        if "dynnet" not in line and line.startswith("[NOT SHOWN IN FULL")
     )
     assert "; 3 of 5 pairs hold; would have shown with a chance of 100 %; nor do " in reported
     table = (page.html.parent / "tables" / "dynnetslam_pairs_live.csv").read_text()
     assert table.count("dynnet.O03,") == 5
     orderings = (page.html.parent / "tables" / "dynnetslam_orderings_live.csv").read_text()
     row = next(line for line in orderings.splitlines() if line.startswith("dynnet.O03,"))
-    assert ",not seen in full," in row and row.endswith("3 of 5 pairs hold")
+    assert ",not shown in full," in row and row.endswith("3 of 5 pairs hold")
 
 
 def test_what_the_paper_does_not_show_does_not_hide_what_ours_show(
@@ -262,7 +264,7 @@ def test_what_the_paper_does_not_show_does_not_hide_what_ours_show(
     both = "ours: holds in 2 and reversed in 3 of 5 pairs"
     assert groups == [both] and f"<b>{both}</b>" in html
     unshown = "1 is not shown by the paper's own numbers"
-    assert headline == [unshown, f'of these, "{turned.says}" (O03), {both}']
+    assert headline == [unshown, f'"{turned.says}" (O03), {both}']
 
     headline, groups, _ = shown({"conventional": [5] * 5, "static": [60] * 5}, "holding")
     assert groups == ["ours: holds"] and headline[-1].endswith("(O03), ours: holds")
@@ -304,7 +306,10 @@ def test_too_few_runs_say_how_many_would_decide(dynnetslam: Paper, tmp_path: Pat
     assert page.verdicts is not None
     lines = {c.anchor: c for c in claim_lines(page.verdicts.columns[0])}
     claim = lines["dynnet.O03"]
-    assert (claim.badge, claim.chance) == ("TOO FEW RUNS", "30 runs per cell would decide")
+    assert (claim.badge, claim.chance) == (
+        "TOO FEW RUNS",
+        "30 runs of each combination would decide",
+    )
     assert claim.chance in claim.line and claim.chance in claim.note
     assert "<b>TOO FEW RUNS</b>: our runs do not show it, and may well have missed it" in (
         page.html.read_text()

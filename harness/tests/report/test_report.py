@@ -232,14 +232,14 @@ def test_a_campaign_reads_its_runs_once_for_page_and_terminal(
     console = Console(width=220, record=True)
     show_report(experiment, console)
     assert (experiment / "report.md").is_file()
-    assert "12 runs in 4 cells, 12 valid." in console.export_text()
+    assert "12 runs in 4 combinations, 12 valid." in console.export_text()
 
 
 def test_terminal_summary_has_tables_and_the_way_to_the_page(reported: Path) -> None:
     console = Console(width=220, record=True)
     terminal_summary(reported, console)
     text = console.export_text()
-    assert "12 runs in 4 cells, 12 valid." in text
+    assert "12 runs in 4 combinations, 12 valid." in text
     assert "mobile CPU [% of a core]" in text
     assert "report/index.html" in text.replace("\n", "")
 

@@ -189,9 +189,9 @@ def judge_contrast(
         why = f"the paper's own numbers do not show it (p {p_paper:.2g})"
         return replace(base, outcome="not_shown_by_paper", why=why)
     if fewest == 0:
-        return replace(base, why="no run of ours in one of its cells")
+        return replace(base, why="no run of ours behind one of its numbers")
     if fewest < FEWEST_RUNS:
-        why = f"{fewest} runs in one of its cells, {FEWEST_RUNS} are the least"
+        why = f"{fewest} runs behind one of its numbers, {FEWEST_RUNS} are the least"
         needed, spread = runs_to_show(steps), _spread_of(steps)
         return replace(
             base,
@@ -267,7 +267,7 @@ def judge_blocks(
         why = f"the paper's own numbers do not show it (p {p_paper:.2g})"
         return Ordering("not_shown_by_paper", why, formula, p_holds, p_reversed, p_paper)
     if not whole:
-        return Ordering("inconclusive", "a cell without runs of ours", formula, p_paper=p_paper)
+        return Ordering("inconclusive", "a number without runs of ours", formula, p_paper=p_paper)
     tau = float(stats.kendalltau(ours.ravel(), paper.ravel()).statistic)
     why = f"p {min(p_holds, p_reversed):.2g}, tau-b ours / paper {tau:.2f}"
     base = Ordering("inconclusive", why, formula, p_holds, p_reversed, p_paper)
