@@ -111,7 +111,7 @@ def test_nothing_in_common_is_reported() -> None:
     rng = np.random.default_rng(6)
     other = results(rng)
     other.runs["dataset"] = "office"
-    with pytest.raises(SlambedError, match="share no cell"):
+    with pytest.raises(SlambedError, match="share no combination"):
         diff(results(rng), other)
 
 
