@@ -113,7 +113,7 @@ def _make() -> str:
 
 
 def _summary() -> str:
-    rows = [[f"`{item.key}`", item.stored_type, item.unit, item.doc] for item in METRICS]
+    rows = [[f"`{item.key}`", item.stored_type, item.unit, item.meaning] for item in METRICS]
     return markdown_table(["key", "type", "unit", "meaning"], rows)
 
 

@@ -13,7 +13,7 @@ import time
 from collections.abc import Callable
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import Any, get_args
 
 import chaos_faults as faults
 import psutil
@@ -31,8 +31,12 @@ from chaos_instants import Instants
 from chaos_user import User
 
 from slambed.campaign.folder import ResultFolder
+from slambed.engines import sidecar
+from slambed.engines.helper import container_role
 from slambed.engines.lock_file import default_lock_path
 from slambed.errors import ExitCode
+from slambed.link import link_helper
+from slambed.spec.system import Role
 
 COMMAND = "from slambed.commands.main import main; main()"
 MOST_HELD_S = 1.5
@@ -58,6 +62,9 @@ BESIDE_NODES: list[tuple[Fault, int]] = [
     *((Fault(STOP, role), 1) for role in ("mobile node", "edge node", "relay", "sampler")),
     *((Fault(TERMINATE, role), 1) for role in ("mobile node", "edge node")),
 ]
+NODES = get_args(Role)
+SIDECAR, LINK_HELPER = (container_role(module.__name__) for module in (sidecar, link_helper))
+"""Roles of the containers that `slambed.engines.helper` starts."""
 OF_KIND: dict[str, list[tuple[Fault, int]]] = {
     "virtual": [
         (Fault(KILL, "worker"), 12),
@@ -80,9 +87,9 @@ OF_KIND: dict[str, list[tuple[Fault, int]]] = {
         (Fault(KILL, "helper container"), 3),
         (Fault(STOP, "helper container"), 1),
         (Fault(KILL, "docker client"), 1),
-        *((Fault("docker kill", role), 1) for role in ("mobile", "edge", "link_helper", "sidecar")),
-        *((Fault("docker pause", role), 1) for role in ("mobile", "edge", "link_helper")),
-        *((Fault("docker rm", role), 1) for role in ("mobile", "edge", "sidecar")),
+        *((Fault("docker kill", role), 1) for role in (*NODES, LINK_HELPER, SIDECAR)),
+        *((Fault("docker pause", role), 1) for role in (*NODES, LINK_HELPER)),
+        *((Fault("docker rm", role), 1) for role in (*NODES, SIDECAR)),
         (Fault(TERMINATE, "dockerd"), 2),
         (Fault(KILL, "dockerd"), 2),
         (Fault(STOP, "dockerd"), 2),

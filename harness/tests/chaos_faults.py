@@ -17,6 +17,9 @@ from pathlib import Path
 
 import psutil
 
+from slambed.engines import sidecar
+from slambed.link import link_helper
+
 TOKEN = "SLAMBED_CHAOS"
 KILL, TERMINATE, STOP = "kill -9", "SIGTERM", "SIGSTOP"
 SIGNALS = {KILL: signal.SIGKILL, TERMINATE: signal.SIGTERM, STOP: signal.SIGSTOP}
@@ -47,8 +50,8 @@ def _is_in(process: psutil.Process, group: str) -> bool:
 
 
 MARKS = {
-    "slambed.engines.sidecar": "sampler",
-    "slambed.link.link_helper": "helper container",
+    sidecar.__name__: "sampler",
+    link_helper.__name__: "helper container",
     "slambed-relay": "relay",
     "slambed-pace": "metronome",
     "slambed-sim": "node",

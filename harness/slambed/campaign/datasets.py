@@ -90,14 +90,14 @@ def stand_in(name: str) -> str:
     """Returns which dataset is replaced by which, and how to get it; empty if none is."""
     from slambed.data.catalog import Catalog
     from slambed.data.download import how_to_get
-    from slambed.data.stand_in import used_instead
+    from slambed.data.stand_in import played_instead
 
     if (Path(name) / SEQUENCE_FILE).is_file():
         return ""
     catalog = Catalog.load()
     if (wanted := catalog.stands_in_for(name)) is None:
         return ""
-    message = used_instead(catalog.resolve(name).id, wanted.id, name)
+    message = played_instead(catalog.resolve(name).id, wanted.id, name)
     return "; ".join(filter(None, [message, how_to_get(wanted)]))
 
 

@@ -11,6 +11,7 @@ from slambed.campaign.store import RunStore
 from slambed.errors import SlambedError
 from slambed.files.json_file import read_object
 from slambed.records.kept_spec import KeptSpec
+from slambed.spec.library import Library
 
 MEGABYTE = 1e6
 
@@ -105,13 +106,29 @@ def unnamed_by_reason(results: Path) -> dict[Reason, set[str]]:
             found[Reason("", NO_MANIFEST)].add(key)
         elif (runs := planned.get(spec.experiment)) is None:
             found[Reason(spec.experiment, NO_PLAN)].add(key)
+        elif _is_taken_out(spec, runs):
+            why = f"of {spec.system}:{spec.variant}, which the experiment no longer names"
+            found[Reason(spec.experiment, why)].add(key)
         else:
-            # A system that the plan no longer has was taken out by its settings.
             like_it = [r for r in runs if (r.get("system"), r.get("engine")) == _system_of(spec)]
             changed = like_it and spec.software not in [run.get("software") for run in like_it]
             why = OTHER_SOURCES if changed else OTHER_SETTINGS
             found[Reason(spec.experiment, why)].add(key)
     return {reason: found[reason] for reason in sorted(found)}
+
+
+def _is_taken_out(spec: KeptSpec, runs: list[dict[str, Any]]) -> bool:
+    """Returns whether neither the plan nor the experiment's file has the system of a run in this
+    variant. Settings may have taken it out of the plan alone."""
+    own = spec.system, spec.variant
+    if any((run.get("system"), run.get("variant")) == own for run in runs):
+        return False
+    try:
+        experiment, _ = Library().experiment(str(spec.experiment))
+    except SlambedError:  # a file elsewhere, or one that is gone or wrong
+        return True
+    choices = [(choice.system, choice.variant) for choice in experiment.systems]
+    return not {own, (spec.system, None)} & set(choices)
 
 
 def _system_of(spec: KeptSpec) -> tuple[str | None, str | None]:

@@ -22,9 +22,12 @@ def bisect(
         list[str] | None,
         typer.Option(help="Only this; else all that the regression gate looks at."),
     ] = None,
-    only: Annotated[list[str] | None, typer.Option(help="Only this cell; * is any text.")] = None,
+    only: Annotated[
+        list[str] | None, typer.Option(help="Only this combination; * is any text.")
+    ] = None,
     runs: Annotated[
-        int | None, typer.Option(min=LEAST_RUNS, help="Runs per cell; else the experiment's.")
+        int | None,
+        typer.Option(min=LEAST_RUNS, help="Runs per combination; else the experiment's."),
     ] = None,
     settings: Annotated[
         list[str] | None, typer.Option("--set", help="KEY=VALUE instead of the file's.")
@@ -49,8 +52,8 @@ def bisect(
     for text in only or []:
         if Selection.of(text).keys != {CELL}:
             raise SlambedError(
-                f"--only {text}: of bisect it is a cell (* is any text); commits of before know "
-                "no KEY=VALUE"
+                f"--only {text}: of bisect it is a combination (* is any text); commits of before "
+                "know no KEY=VALUE"
             )
     library = Library()
     found, source = library.experiment(experiment, settings)
@@ -58,7 +61,7 @@ def bisect(
     count = repetitions(found, runs)
     if count < LEAST_RUNS:
         raise SlambedError(
-            f"{found.id} makes {count} run a cell, too few to compare; add --runs 10"
+            f"{found.id} makes {count} run per combination, too few to compare; add --runs 10"
         )
     repository = Repository(repository_root())
     first, last = repository.commit(good), repository.commit(bad)

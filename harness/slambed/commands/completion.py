@@ -115,7 +115,7 @@ TAKES: dict[tuple[str, ...], Callable[[], Iterable[str]]] = {
     ("report",): lambda: ["all", *_with_results()],
     ("gate",): _with_results,
     ("bisect",): _experiments,
-    ("explain",): _runs,
+    ("explain",): lambda: [*_with_results(), *_runs()],
     ("infer",): _inferences,
     ("schema",): lambda: KINDS,
     ("new",): lambda: ("system", "dataset", "experiment"),

@@ -110,12 +110,12 @@ def _offer_download(name: str) -> None:
     command."""
     from slambed.data.catalog import Catalog
     from slambed.data.download import how_to_get, recipe_text
-    from slambed.data.stand_in import used_instead
+    from slambed.data.stand_in import played_instead
 
     catalog = Catalog.load()
     if (wanted := catalog.stands_in_for(name)) is None:
         return
-    message = used_instead(catalog.resolve(name).id, wanted.id, name)
+    message = played_instead(catalog.resolve(name).id, wanted.id, name)
     if not sys.stdin.isatty() or wanted.download is None or wanted.download.unpack == "none":
         line = "; ".join(filter(None, [message, how_to_get(wanted)]))
         typer.echo(f"note: {line}", err=True)

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """`slambed explain`."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -9,6 +9,7 @@ import typer
 
 from slambed.errors import SlambedError
 from slambed.files.outputs import make_folder
+from slambed.spec.selection import SYNTAX
 from slambed.terminal import RESULTS, ResultsOption
 
 if TYPE_CHECKING:
@@ -20,13 +21,22 @@ PICTURES = "pictures"
 """Subfolder of the run's folder."""
 AROUND_S = 2.0
 """Seconds shown before and after the time of `--around`."""
+MOST_CELLS = 12
+"""Combinations that an error line names."""
 LEAST_DIGITS = 4
 """Of a run key: fewer do not name a run."""
 
 
 def explain(
-    run: Annotated[str, typer.Argument(help="Run folder, or (the beginning of) a run key.")],
+    run: Annotated[
+        str,
+        typer.Argument(help="Run folder, (the beginning of) a run key, or an experiment's name."),
+    ],
     results: ResultsOption = RESULTS,
+    only: Annotated[
+        list[str] | None,
+        typer.Option("--only", help=f"Of an experiment, the median run of this: {SYNTAX}."),
+    ] = None,
     output: Annotated[
         Path | None, typer.Option("-o", "--output", help="Picture: .png, .svg or .pdf.")
     ] = None,
@@ -56,6 +66,9 @@ def explain(
 ) -> None:
     """Show what happened in one run: a timeline figure, and the story in text.
 
+    Of an experiment it takes the median run, by coverage and then by ATE, which the report also
+    shows; --only picks one combination of system, sequence, link and parameters.
+
     The timeline shows stages, messages in flight, states, RTT and track losses, for live and
     virtual runs. --around loss also shows why track was lost, with the images before and after if
     the sequence is prepared on this machine. --slowest lists the slowest frames, and whether they
@@ -69,7 +82,7 @@ def explain(
     from slambed.explain.story import story
     from slambed.metrics.losses import sentence
 
-    folder = find_run(run, results)
+    folder = find_run(run, results, only or ())
     if count is not None:
         if path or rerun or any(given is not None for given in (output, begin, end, around)):
             raise SlambedError("--slowest draws nothing; give it alone")
@@ -100,13 +113,22 @@ def explain(
     typer.echo(f"picture of {window.begin_s:.1f} to {window.end_s:.1f} s: {target}")
 
 
-def find_run(run: str, results: Path) -> Path:
-    """Returns a run folder by its path, its key, or the beginning of its key.
+def find_run(run: str, results: Path, only: Sequence[str] = ()) -> Path:
+    """Returns a run folder by its path, its key, the beginning of its key, or the name of its
+    experiment and a selection.
 
     Prefers the link inside an experiment's folder and does not resolve it, so that the path leads
     to the experiment. A run that several experiments share counts once. Raises SlambedError when no
     run or several match.
     """
+    for experiment in (Path(run), results / Path(run).stem):
+        if (experiment / "runs").is_dir():
+            return median_run_of(experiment, only)
+    if only:
+        raise SlambedError(
+            f"--only picks a run of an experiment, and '{run}' is none in {results}; give the "
+            "experiment's name, or the run without --only"
+        )
     if (folder := Path(run)).is_dir():
         return folder.absolute()
     if len(run) >= LEAST_DIGITS:
@@ -120,15 +142,34 @@ def find_run(run: str, results: Path) -> Path:
         if found:
             names = ", ".join(list(found)[:5])
             raise SlambedError(f"run '{run}' is not clear, {results}: {names}; give more digits")
-    if keys := sorted(path.name for path in results.glob(f"{run}/runs/*")):
-        raise SlambedError(
-            f"{run} is an experiment; give one of its runs, such as {keys[0]} (all are in "
-            f"{results / run}/summary.csv)"
-        )
     raise SlambedError(
-        f"no run '{run}' in {results}; give a run folder or at least {LEAST_DIGITS} digits of a "
-        "key (column run_key of an experiment's summary.csv)"
+        f"no run '{run}' in {results}; give a run folder, at least {LEAST_DIGITS} digits of a key "
+        "(column run_key of an experiment's summary.csv), or an experiment's name"
     )
+
+
+def median_run_of(experiment: Path, only: Sequence[str]) -> Path:
+    """Returns the folder of the run that the report shows for the selected combination, and prints
+    which it is. Raises SlambedError when the selection leaves several combinations, or no valid run
+    with events."""
+    from slambed.report.conditions import median_run
+    from slambed.report.kept_events import with_events
+    from slambed.report.load import load
+    from slambed.report.selected import selected
+
+    runs = selected(load(experiment), only, "--only")
+    cells = runs.cells()
+    if len(cells) > 1:
+        more = f" and {len(cells) - MOST_CELLS} more" if len(cells) > MOST_CELLS else ""
+        raise SlambedError(
+            f"{experiment} has {len(cells)} combinations{' of that' if only else ''}, pick one "
+            f"with --only: {', '.join(cells[:MOST_CELLS])}{more}"
+        )
+    explained = with_events(runs, runs.valid_runs)
+    if (key := median_run(explained)) is None:
+        raise SlambedError(f"{experiment}: no valid run of {', '.join(cells) or 'it'} has events")
+    typer.echo(f"run {key}: the median of {len(explained)} of {cells[0]}")
+    return runs.run_dir(key).absolute()
 
 
 def draw_path(folder: Path, out: Path, rerun: bool, sequence: Path | None) -> Iterator[Path]:

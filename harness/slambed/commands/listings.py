@@ -216,7 +216,7 @@ def show_experiment(
     _head(screen, experiment.title, experiment.notes)
     for line in _compared(experiment):
         screen.print(line)
-    screen.print(f"file: {source.path}; cells and time: 'slambed run {name} --dry-run'")
+    screen.print(f"file: {source.path}; combinations and time: 'slambed run {name} --dry-run'")
 
 
 def _compared(experiment: Experiment) -> list[str]:
@@ -231,7 +231,7 @@ def _compared(experiment: Experiment) -> list[str]:
         reported = experiment.link.model_dump(mode="json")["profiles"]
         lines.append(f"link profiles: {', '.join(map(_profile, reported))}")
     lines.append(f"devices: {_set(experiment.devices)}")
-    lines.append(f"runs per cell: {_set(experiment.runs)}; seed {experiment.seed}")
+    lines.append(f"runs per combination: {_set(experiment.runs)}; seed {experiment.seed}")
     return lines
 
 

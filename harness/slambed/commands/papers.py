@@ -86,7 +86,9 @@ def run(
     results: ResultsOption = RESULTS,
     runs: Annotated[
         str | None,
-        typer.Option(help="Runs per cell: a number, 'paper', or 'plan' (papers/NAME/plan.yaml)."),
+        typer.Option(
+            help="Runs per combination: a number, 'paper', or 'plan' (papers/NAME/plan.yaml)."
+        ),
     ] = None,
     engine: EngineOption = None,
     jobs: JobsOption = None,
@@ -202,15 +204,15 @@ def plan(name: Annotated[str, typer.Argument(help="Name in papers/.")]) -> None:
         f"engine {found.engine}, mapping {found.frozen}"
     )
     for item in found.data.items():
-        kind = "stand-in" if item[1].stand_in else "the paper's sequence"
+        kind = "played instead" if item[1].stand_in else "the paper's sequence"
         typer.echo(f"  {item[0]}: {item[1].played} ({kind}; {item[1].why})")
     for runs in found.runs:
-        typer.echo(f"  {runs.experiment}: {runs.runs} runs per cell, seed {runs.seed}")
+        typer.echo(f"  {runs.experiment}: {runs.runs} runs per combination, seed {runs.seed}")
         for decided in runs.decides:
             power = f" (power {runs.power[decided]:g})" if decided in runs.power else ""
             typer.echo(f"    {decided}{power}: {says.get(decided, '?')}")
     for later in found.later:
-        typer.echo(f"  later, {later.runs} runs per cell: {later.waits_for}")
+        typer.echo(f"  later, {later.runs} runs per combination: {later.waits_for}")
         for decided in later.decides:
             power = f" (power {later.power[decided]:g})" if decided in later.power else ""
             typer.echo(f"    {decided}{power}: {says.get(decided, '?')}")

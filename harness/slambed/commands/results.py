@@ -45,7 +45,8 @@ def prune(
     """Remove runs that are in no plan, for example of older sources.
 
     Runs made with other settings than those of the last plan stay: 'slambed run' with the earlier
-    settings takes them again.
+    settings takes them again. Runs of a system or variant that the experiment no longer names do
+    not stay.
     """
     from slambed.campaign.folder import ResultFolder
     from slambed.campaign.size import plans, size_of, unnamed_by_reason

@@ -30,7 +30,7 @@ def run(
         ),
     ] = None,
     runs: Annotated[
-        str | None, typer.Option(help="Runs per cell: a number, 'default' or 'paper'.")
+        str | None, typer.Option(help="Runs per combination: a number, 'default' or 'paper'.")
     ] = None,
     engine: EngineOption = None,
     results: ResultsOption = RESULTS,
@@ -99,7 +99,9 @@ def run(
     if check:
         library = Library()
         if only or force:
-            raise SlambedError("--check looks at the files alone; --dry-run looks at cells, too")
+            raise SlambedError(
+                "--check looks at the files alone; --dry-run looks at combinations, too"
+            )
         found, source = library.experiment(experiment, settings)
         plan.repetitions(found, runs)
         check_figure_names(found, source)

@@ -35,7 +35,7 @@ class Helper:
 
     def container(self, module: str) -> str:
         """Returns the container's name, which is unique per module and run."""
-        return f"{LABEL}-{self.run_key}-{_purpose(module)}"
+        return f"{LABEL}-{self.run_key}-{container_role(module)}"
 
     def command(self, module: str, writable: list[Path]) -> list[str]:
         """Returns the `docker run` command for a module of this package."""
@@ -43,7 +43,7 @@ class Helper:
         return [
             *("docker", "run", "--interactive", "--rm"),
             *("--name", self.container(module), "--label", f"{LABEL}={self.run_key}"),
-            *("--label", f"{LABEL}.role={_purpose(module)}"),
+            *("--label", f"{LABEL}.role={container_role(module)}"),
             # Threads are moved between cgroups by their ids on the host.
             *("--pid", "host", "--cgroupns", "host", "--network", _network()),
             *("--user", "0:0", "--cap-drop", "ALL", *capabilities),
@@ -77,7 +77,8 @@ def read_only(paths: list[Path]) -> list[str]:
     return [f"{path}:{path}:ro" for path in dict.fromkeys(paths) if path.exists()]
 
 
-def _purpose(module: str) -> str:
+def container_role(module: str) -> str:
+    """Returns the role in the label and the name of a module's container."""
     return module.rpartition(".")[2]
 
 

@@ -47,7 +47,7 @@ def headline(outcome: Outcome) -> list[str]:
         conclusion = "reproduced by the plan's own words"
         if outcome.stand_ins:
             conclusion = (
-                "but on a stand-in of the paper's sequence, so nothing is called reproduced"
+                "but on a substitute of the paper's sequence, so nothing is called reproduced"
             )
     found = [f"{met} of {len(outcome.success)} criteria of the plan are met: {conclusion}"]
     found += [

@@ -48,12 +48,15 @@ with stored values."""
 SHOWN, DRAWN, TESTED, GATED = Use.SHOWN, Use.DRAWN, Use.TESTED, Use.GATED
 HEADLINE = SHOWN | DRAWN | TESTED | GATED
 
+NO_LOSS = ("track_losses", "no run lost track")
+
 Text = partial(Metric, type="text")
 Count = partial(Metric, type="count", digits=0)
 Flag = partial(
     Metric, type="flag", shown="%", scale=100, digits=0, kind="share", relevant_step=0.10
 )
 LowerIsBetter = partial(Metric, better="lower")
+Live = partial(Metric, live_only=True)
 
 
 def _spec(of: Callable[[KeptSpec], Value]) -> Callable[[RunData], Value]:
@@ -200,7 +203,7 @@ METRICS: tuple[Metric, ...] = (
     Count("track_losses", "transitions ok -> lost", _tracking(lambda t: t.track_losses),
           better="lower", relevant_step=1.0),
     Metric("first_loss_s", "sequence time of the first loss; null when none",
-           _tracking(lambda t: t.first_loss_s), "first loss", "s"),
+           _tracking(lambda t: t.first_loss_s), "first loss", "s", null_without=NO_LOSS),
     Text("loss_times_s", 'sequence times of all losses: "22.4 31.07"; empty when none',
          _tracking(lambda t: loss_times_text(t.loss_times_s))),
     LowerIsBetter(
@@ -211,17 +214,18 @@ METRICS: tuple[Metric, ...] = (
     LowerIsBetter(
         "reloc_s_max", "longest time from the first frame that showed something, while lost, to "
         "the next pose", _tracking(lambda t: t.reloc_s_max), "longest relocalization", "s",
-        digits=2, relevant_step=0.1),
+        digits=2, relevant_step=0.1, null_without=NO_LOSS),
     LowerIsBetter(
         "reloc_known_s", "mean over losses: from the lost camera's return to a place where it had "
         "been tracked (true poses) to the next pose",
         lambda run: run.known_place_s, "recovery at known places", "s", digits=2,
-        relevant_step=0.1),
+        relevant_step=0.1, null_without=NO_LOSS),
     Count("resets", "maps given up", _tracking(lambda t: t.resets)),
     Count("loops_closed", "loops closed",
           lambda run: len(run.log.of("loop_closed")) if run.measured else None),
     Metric("first_loop_s", "run time at which the first loop was closed; null when none",
-           first_loop_s, "first loop closed", "s"),
+           first_loop_s, "first loop closed", "s",
+           null_without=("loops_closed", "no run closed a loop")),
     Count("keyframes", "in the global map at the end, so without culled ones; those of a prior map "
           "count", _mapped("keyframes"), "keyframes in the map"),
     Count("map_points", "in the global map at the end", _mapped("points")),
@@ -323,14 +327,14 @@ METRICS: tuple[Metric, ...] = (
         "local_mapping_cpu_ms_mean", "the same, thread CPU time",
         lambda run: mapping_ms_per_keyframe(run.log, "cpu_ms"), "mapping per keyframe, CPU",
         "ms", digits=0, relevant_share=0.15, relevant_step=2.0),
-    Count("pace_missed", "live at the device's pace: stages of both nodes whose work alone took "
-          "longer than its device would; null otherwise",
+    Count("pace_missed", "at the device's pace: stages of both nodes whose work alone took "
+          "longer than its device would; null at the host's pace",
           lambda run: pace.missed(run.log) if run.spec.is_paced else None,
-          "stages slower than the device", better="lower"),
-    Metric("pace_ratio", "live at the device's pace: what the stages of the mobile node took, to "
-           "what its device would take undisturbed; null otherwise",
-           lambda run: pace.ratio(run.log) if run.spec.is_paced else None,
-           "time of stages to the device's", digits=3),
+          "stages slower than the device", better="lower", live_only=True),
+    Live("pace_ratio", "at the device's pace: what the stages of the mobile node took, to what its "
+         "device would take undisturbed; null at the host's pace",
+         lambda run: pace.ratio(run.log) if run.spec.is_paced else None,
+         "time of stages to the device's", digits=3),
     LowerIsBetter(
         "mobile_cpu_percent_mean", "over playback; the manifest has the limit",
         lambda run: run.mobile.cpu_percent_mean, "mobile CPU", "% of a core", relevant_step=1.0,
@@ -430,29 +434,27 @@ METRICS: tuple[Metric, ...] = (
         "reading a keyframe, median", "ms", digits=2, relevant_step=0.1),
     Metric("rtt_asked_ms_mean", "of the profile over playback", lambda run: run.asked_rtt_ms_mean,
            "RTT asked, mean", "ms"),
-    Metric("rtt_measured_ms_mean", "of the probes", lambda run: run.rtt.measured_mean,
-           "RTT measured, mean", "ms"),
+    Live("rtt_measured_ms_mean", "of the probes", lambda run: run.rtt.measured_mean,
+         "RTT measured, mean", "ms"),
     LowerIsBetter(
         "rtt_error_ms_median", "absolute error of the probe against asked + base",
         lambda run: run.rtt.error_median, "RTT error, median", "ms", digits=2,
-        relevant_step=0.2, use=SHOWN),
-    Metric("rtt_error_ms_p99", "its 99th percentile", lambda run: run.rtt.error_p99,
-           "RTT error, 99th percentile", "ms", digits=2),
-    Metric("throttled_ms", "mobile node, cgroup counter", lambda run: run.mobile.throttled_ms,
-           "throttled", "ms", digits=0, use=SHOWN),
-    Metric("throttled_share", "of playback", lambda run: run.mobile.throttled_share,
-           "throttled share", shown="%", scale=100),
-    Metric("host_stall_ms_max", "live runs: longest time for which something else on the host held "
-           "the mobile node up",
-           lambda run: None if run.is_virtual else host_stall_ms_max(run.log),
-           "longest stall by the host", "ms", digits=0),
-    Metric("cpu_wait_share", "live runs: of the time in which threads of the mobile node wanted a "
-           "processor and their limits allowed one, what they waited for it",
-           lambda run: None if run.is_virtual else run.mobile.cpu_wait_share,
-           "waited for a processor", shown="%", scale=100),
-    Metric("host_steal_percent", "live runs: of the host's CPU time, what its hypervisor gave to "
-           "others during playback", lambda run: run.host_steal_percent,
-           "CPU time stolen from the host", "%"),
+        relevant_step=0.2, use=SHOWN, live_only=True),
+    Live("rtt_error_ms_p99", "its 99th percentile", lambda run: run.rtt.error_p99,
+         "RTT error, 99th percentile", "ms", digits=2),
+    Live("throttled_ms", "mobile node, cgroup counter", lambda run: run.mobile.throttled_ms,
+         "throttled", "ms", digits=0, use=SHOWN),
+    Live("throttled_share", "of playback", lambda run: run.mobile.throttled_share,
+         "throttled share", shown="%", scale=100),
+    Live("host_stall_ms_max", "longest time for which something else on the host held the mobile "
+         "node up", lambda run: host_stall_ms_max(run.log),
+         "longest stall by the host", "ms", digits=0),
+    Live("cpu_wait_share", "of the time in which threads of the mobile node wanted a processor and "
+         "their limits allowed one, what they waited for it",
+         lambda run: run.mobile.cpu_wait_share,
+         "waited for a processor", shown="%", scale=100),
+    Live("host_steal_percent", "of the host's CPU time, what its hypervisor gave to others during "
+         "playback", lambda run: run.host_steal_percent, "CPU time stolen from the host", "%"),
     Metric("wall_s", "duration of playback", lambda run: run.end_s, "playback", "s"),
 )  # fmt: skip
 

@@ -137,15 +137,15 @@ def smallest_distinguishable_share(
 def power_hint(runs: int, share: float = 0.03) -> str:
     """Returns one sentence for reports on what this number of runs can show."""
     if runs < 2:
-        return "One run per cell shows nothing about differences."
+        return "One run per combination shows nothing about differences."
     least = smallest_distinguishable_share(share, runs)
     if least is None:
         return (
-            f"{runs} runs per cell are too few to tell shares of losses apart, not even "
+            f"{runs} runs per combination are too few to tell shares of losses apart, not even "
             f"{share:.0%} from 100 %."
         )
     return (
-        f"{runs} runs per cell distinguish {share:.0%} of losses from {least:.0%} or more "
+        f"{runs} runs per combination distinguish {share:.0%} of losses from {least:.0%} or more "
         f"(80 % power, 5 % level)."
     )
 

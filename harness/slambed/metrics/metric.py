@@ -62,6 +62,15 @@ class Metric:
     """... or smaller than this value (in the stored unit)."""
     type: ValueType = "number"
     use: Use = Use.ASKED
+    live_only: bool = False
+    """Virtual runs have no value: their link, limits and host are models."""
+    null_without: tuple[str, str] = ("", "")
+    """Key of a count, and what is true where it is 0 in every run: this metric is null then."""
+
+    @property
+    def meaning(self) -> str:
+        """The doc, and whether only live runs have a value."""
+        return f"live runs only: {self.doc}" if self.live_only else self.doc
 
     @property
     def shown_unit(self) -> str:
@@ -102,6 +111,12 @@ class Metric:
     def is_number(self) -> bool:
         """True except for text; a flag counts as the share of runs that have it."""
         return self.type != "text"
+
+    def value_of(self, run: RunData) -> Value:
+        """Computes the value for a run, None if it cannot be measured in this run."""
+        if self.function is None or (self.live_only and run.is_virtual):
+            return None
+        return self.function(run)
 
     def accepts(self, value: object) -> bool:
         """Returns whether a stored value has this metric's type; null always does."""

@@ -196,7 +196,7 @@ class RunData:
     def host_steal_percent(self) -> float | None:
         """Steal time as a percentage of the CPU time of all CPUs, over playback."""
         cores = self.manifest.cores
-        if self.is_virtual or cores is None or "host_steal_s" not in self.samples:
+        if cores is None or "host_steal_s" not in self.samples:
             return None
         rows = self.samples[self.samples["t_s"] >= 0] if len(self.samples) else self.samples
         if self.end_s is not None and len(rows):

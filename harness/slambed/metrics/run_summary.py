@@ -38,7 +38,7 @@ def summary_of(run: RunData) -> Summary:
     """Returns the summary of a loaded run; problems of its files are added to `run.problems`."""
     summary = Summary(
         {
-            item.key: item.function(run) if item.function is not None else None
+            item.key: item.value_of(run)
             for item in metrics_of(described_by(run.spec.system, run.spec.system_folder))
         }
     )

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import pandas as pd
 
 from slambed.papers.fits import DeviceFit, fits_used, read_fits
-from slambed.papers.judged import MARKS, Judge, Judged, Mark, is_number
+from slambed.papers.judged import MARK_NAMES, Judge, Judged, Mark, is_number
 from slambed.papers.lookup import MISSING_WORDS, Pool
 from slambed.papers.orderings import JudgedOrdering, judge_orderings
 from slambed.papers.published import Paper, PublishedCell, cells_of
@@ -114,7 +114,7 @@ def comparison_table(verdicts: PaperVerdicts, column: Column, ids: list[str]) ->
                 cell.metric,
                 row.stated,
                 row.ours,
-                reported if row.mark in "RDINE" else MARKS[row.mark],
+                reported if row.mark in "RDINE" else MARK_NAMES[row.mark],
                 row.provenance.replace("_", " "),
                 row.why,
             ]
@@ -140,7 +140,7 @@ def ordering_table(verdicts: PaperVerdicts, column: Column) -> Table:
                 item.values(True),
                 item.words,
                 item.provenance.replace("_", " "),
-                "; ".join(filter(None, (item.floor, item.ordering.why))),
+                "; ".join(filter(None, (item.floor, item.why))),
                 item.holding,
             ]
         )

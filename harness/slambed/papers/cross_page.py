@@ -87,7 +87,8 @@ def scene_of(dataset: str) -> str:
 def takeaway(cells: list[Cell]) -> list[str]:
     """Returns what the runs show, in a reader's words."""
     kept = sum(cell.lost <= RARELY * cell.runs for cell in cells)
-    first = f"In {kept} of {len(cells)} cells at most {100 * RARELY:.0f} % of the runs lose track."
+    of_all = f"In {kept} of {len(cells)} combinations"
+    first = f"{of_all} at most {100 * RARELY:.0f} % of the runs lose track."
     shares = {
         name: sum(c.lost for c in own) / sum(c.runs for c in own)
         for name in dict.fromkeys(cell.variant for cell in cells)

@@ -23,6 +23,8 @@ MARKS: dict[Mark, str] = {
     "R": "reproduced", "D": "differs", "I": "inconclusive", "N": "not run",
     "E": MISSING_WORDS["no_events"], "F": "fitted", "S": "stand-in", "P": "parameter or duplicate",
 }  # fmt: skip
+MARK_NAMES: dict[Mark, str] = MARKS | {"S": "substitute sequence"}
+"""The same for readers; `MARKS` are also the headings of a table that scripts read."""
 NEVER_COUNTED: dict[Provenance, Mark] = {
     "fitted": "F", "same_data": "F", "stand_in": "S", "parameter": "P", "duplicate": "P",
     "erratum": "P",

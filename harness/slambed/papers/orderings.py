@@ -34,7 +34,7 @@ WAS_RUN: tuple[Missing, ...] = ("no_events", "no_metric")
 
 OrderKind = OrderOutcome | Literal["not_run", "half_run", "no_events", "no_number"]
 KINDS: dict[OrderKind, str] = {
-    "holds": "holds", "reversed": "reversed", "not_seen": "not seen",
+    "holds": "holds", "reversed": "reversed", "not_seen": "not shown by ours",
     "too_few_runs": "too few runs", "inconclusive": "inconclusive",
     "not_shown_by_paper": "not shown by the paper", "no_events": "run, events not kept",
     "no_number": "no number of ours", "half_run": "not all run", "not_run": "not run",
@@ -42,7 +42,7 @@ KINDS: dict[OrderKind, str] = {
 """Words for an ordering's outcome on the page, the terminal and in tables."""
 CHAINS = {"blocks": ("sequence", "sequences"), "flat": ("curve", "curves")}
 """Kind of a contrast -> what its chains are called, where they are no pairs."""
-PARTLY: dict[OrderKind, str] = {"not_seen": "not seen in full", "reversed": "reversed in part"}
+PARTLY: dict[OrderKind, str] = {"not_seen": "not shown in full", "reversed": "reversed in part"}
 """Words for an ordering with several pairs, some of which hold."""
 
 
@@ -132,13 +132,29 @@ class JudgedOrdering:
         return f"{parts['holds']} of {len(self.chains)} {self.chain_words[1]} hold{other}"
 
     @property
+    def why(self) -> str:
+        """Returns the test's reason, and the chance that it would have shown: none where ours
+        cannot differ."""
+        ordering = self.ordering
+        chance = "" if self.cannot_differ else ordering.chance
+        return "; ".join(filter(None, (ordering.why, chance)))
+
+    @property
+    def cannot_differ(self) -> bool:
+        """Returns whether our values are alike in all of its pairs, as where no run lost track."""
+        return self._alike().total() == len(self.chains)
+
+    def _alike(self) -> Counter[str]:
+        """Counts the pairs in which our values cannot differ, by the reason."""
+        return Counter(filter(None, (alike([m for _, m in chain]) for chain in self.chains)))
+
+    @property
     def floor(self) -> str:
         """Returns `no run of ours lost track: nothing to compare`; empty where ours can differ, or
         show the ordering."""
         if self.kind == "holds":
             return ""
-        found = Counter(filter(None, (alike([m for _, m in chain]) for chain in self.chains)))
-        whole = found.total() == len(self.chains)
+        found, whole = self._alike(), self.cannot_differ
         parts = [
             words
             if whole and len(found) == 1
@@ -447,6 +463,6 @@ class OrderingCase:
         for name, datasets in ours.items():
             if len(datasets) > 1:
                 return (
-                    f"its cells on {name} are on several sequences: {', '.join(sorted(datasets))}"
+                    f"its numbers on {name} are of several sequences: {', '.join(sorted(datasets))}"
                 )
         return ""

@@ -10,9 +10,12 @@ from slambed.papers.orderings import KINDS, JudgedOrdering, OrderKind, PairLine,
 from slambed.papers.published import Paper, Provenance
 from slambed.papers.verdicts.model import MOST_RUNS, SEEN_POWER
 
-WEAK: dict[Provenance, str] = {"stand_in": "on a stand-in", "fitted": "fitted"}
+WEAK: dict[Provenance, str] = {"stand_in": "on a substitute sequence", "fitted": "fitted"}
 """Added to an outcome that is no evidence about the paper's own sequences."""
-WEAK_BADGE = {"on a stand-in": " ON A STAND-IN", "fitted": " (FITTED, NO EVIDENCE)"}
+WEAK_BADGE = {
+    "on a substitute sequence": " ON A SUBSTITUTE SEQUENCE",
+    "fitted": " (FITTED, NO EVIDENCE)",
+}
 SHOWN: tuple[OrderKind, ...] = ("holds", "reversed", "not_seen")
 """Outcomes that rest on our runs, so they must name stand-ins and fits."""
 DEFINITIONS: dict[OrderKind, str] = {
@@ -48,7 +51,7 @@ class ClaimLine:
     where: str
     anchor: str
     weak: str
-    """Why it is no evidence (fitted, or on a stand-in); else empty."""
+    """Why it is no evidence (fitted, or on a substitute sequence); else empty."""
     chance: str
     """The chance that it would have shown, or how many runs would decide; else empty."""
     pairs: str
@@ -120,7 +123,7 @@ HEADINGS = {
     "hold": "Held",
     "reversed": "Reversed",
     "in_part": "Reversed in part",
-    "not_seen": "Not seen",
+    "not_seen": "Not shown by ours",
     "open": "Cannot be told",
     "unshown": "Not shown by the paper's own numbers",
     "waiting": "No number of ours",
@@ -164,11 +167,11 @@ def in_short(assumed: Sequence[str]) -> list[str]:
 def _claim(engine: str, item: JudgedOrdering) -> ClaimLine:
     ordering, kind = item.ordering, item.kind
     weak = WEAK.get(item.provenance, "") if kind in SHOWN else ""
-    notes = [ordering.why]
+    notes = [item.why]
     if item.provenance == "fitted":
         notes.insert(0, "a device was set to match some of these numbers: no evidence")
     if item.stand_ins:
-        notes.insert(0, f"stand-in {', '.join(item.stand_ins)}")
+        notes.insert(0, f"played on {', '.join(item.stand_ins)}")
     chance = _chance(item)
     if kind == "too_few_runs" and chance:
         notes.append(chance)
@@ -199,14 +202,14 @@ def _claim(engine: str, item: JudgedOrdering) -> ClaimLine:
 def _chance(item: JudgedOrdering) -> str:
     ordering = item.ordering
     by = f", by {ordering.spread}" if ordering.spread else ""
-    if item.kind == "not_seen" and ordering.power is not None:
+    if item.kind == "not_seen" and ordering.power is not None and not item.cannot_differ:
         return f"would have shown with a chance of {100 * ordering.power:.0f} %{by}"
     if item.kind != "too_few_runs":
         return ""
     if ordering.runs_needed is not None:
-        return f"{ordering.runs_needed} runs per cell would decide{by}"
+        return f"{ordering.runs_needed} runs of each combination would decide{by}"
     tested = ordering.power is not None
-    return f"more than {MOST_RUNS} runs per cell are needed" if tested else ""
+    return f"more than {MOST_RUNS} runs of each combination are needed" if tested else ""
 
 
 def definitions(columns: list[Column]) -> list[tuple[str, str]]:

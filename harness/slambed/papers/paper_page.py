@@ -20,7 +20,7 @@ from slambed.papers.compare import (
 )
 from slambed.papers.environment import environment
 from slambed.papers.figures import drawn_figures
-from slambed.papers.judged import MARKS, Judged
+from slambed.papers.judged import MARK_NAMES, MARKS, Judged
 from slambed.papers.lookup import Pool, pool_of
 from slambed.papers.paper_claims import claim_groups, claims_per_engine, definitions, text_lines
 from slambed.papers.paper_view import (
@@ -29,7 +29,7 @@ from slambed.papers.paper_view import (
     bars,
     circumstance,
     headline,
-    twelve_lines,
+    terminal_lines,
     twin,
     why_not,
 )
@@ -89,7 +89,7 @@ def write_paper_page(
     write_tables(tables, target / "tables")
     markdown = target / "page.md"
     markdown.write_text(_markdown(verdicts, experiments, tables), encoding="utf-8")
-    return PaperPage(html, markdown, twelve_lines(verdicts, experiments), verdicts)
+    return PaperPage(html, markdown, terminal_lines(verdicts, experiments), verdicts)
 
 
 def write_overview(
@@ -127,7 +127,12 @@ def write_overview(
 
 
 def _look() -> dict[str, Any]:
-    return {"style": Markup(STYLE), "marks": MARKS, "legend_words": MARK_WORDS, "colors": COLORS}
+    return {
+        "style": Markup(STYLE),
+        "marks": MARK_NAMES,
+        "legend_words": MARK_WORDS,
+        "colors": COLORS,
+    }
 
 
 def _content(verdicts: PaperVerdicts, experiments: list[Results], target: Path) -> dict[str, Any]:
@@ -261,7 +266,7 @@ def _tables(verdicts: PaperVerdicts, column: Column) -> list[Table]:
 
 def _markdown(verdicts: PaperVerdicts, experiments: list[Results], tables: list[Table]) -> str:
     lines = [f"# {verdicts.paper.paper.title}", ""]
-    lines += [f"    {line}" for line in twelve_lines(verdicts, experiments)]
+    lines += [f"    {line}" for line in terminal_lines(verdicts, experiments)]
     for table in tables:
         lines += ["", f"## {table.caption}", "", table.markdown()]
     return "\n".join(lines)

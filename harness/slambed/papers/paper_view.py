@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 from functools import lru_cache
 
 from slambed.data.download import how_to_get
+from slambed.data.recipe import Dataset
 from slambed.data.recipe_file import load_recipe
 from slambed.data.stand_in import played_instead
 from slambed.errors import SlambedError
@@ -24,13 +25,13 @@ from slambed.papers.paper_claims import claim_lines
 from slambed.papers.paper_runs import experiments_of
 from slambed.papers.published import Paper, PublishedTable
 from slambed.papers.published.paper_plan import read_plan
-from slambed.papers.reasons import GROUP_WORDS, REASON_WORDS, count, reason_of
+from slambed.papers.reasons import REASON_WORDS, count, reason_of
 from slambed.papers.registered import PlanLine, experiments_behind, plan_lines, plan_words
 from slambed.report.load import Results
 
 MARK_WORDS: dict[Mark, str] = MARKS | {
     "F": "fitted: set to match, no evidence",
-    "S": "stand-in: played on substitute data",
+    "S": "substitute sequence: played instead of the paper's, shown and not judged",
     "E": "run, but kept without events",
 }
 """Words for the legend."""
@@ -56,8 +57,8 @@ class TwinCell:
     id: str
     paper: str
     ours: list[tuple[str, Mark, str, str]]
-    """Per engine: our number, mark, reason, and and how far off a fitted number is, or where a
-    stand-in's number lies."""
+    """Per engine: our number, mark, reason, and and how far off a fitted number is, or where the
+    number of a substitute sequence lies."""
 
 
 @dataclass(frozen=True)
@@ -206,34 +207,56 @@ def _recording(verdicts: PaperVerdicts, row: Judged) -> str:
     return "; ".join(filter(None, (dataset.label, _how_to_get(dataset.match[0]))))
 
 
-@lru_cache
 def _how_to_get(name: str) -> str:
     """Returns how to get a sequence; empty where it is not known, or nothing offers it."""
-    file = repository_root() / "catalog" / "datasets" / f"{name}.yaml"
-    return how_to_get(load_recipe(file)) if is_file(file) else ""
+    recipe = _recipe(name)
+    return how_to_get(recipe) if recipe is not None else ""
+
+
+@lru_cache
+def _recipe(dataset: str) -> Dataset | None:
+    """Returns what the catalog says of a sequence; None for one that it does not have."""
+    file = repository_root() / "catalog" / "datasets" / f"{dataset}.yaml"
+    return load_recipe(file) if is_file(file) else None
 
 
 def _undecided(row: Judged) -> str:
     needed = row.verdict.runs_needed
     if needed is not None:
-        return f"inconclusive, {needed} runs per cell would decide"
+        return f"inconclusive, {needed} runs of each combination would decide"
     return "inconclusive, and no number of our runs alone would decide"
 
 
-def headline(verdicts: PaperVerdicts, column: Column) -> list[str]:
-    """Returns what was learnt: a sentence about the orderings, one about the numbers."""
+@dataclass(frozen=True)
+class Headline:
+    """What was learnt: a short sentence, and the counts that it leaves out."""
+
+    says: str
+    rest: list[str]
+
+    @property
+    def lines(self) -> list[str]:
+        """Returns both for the terminal."""
+        return [self.says, *(f"- {item}" for item in self.rest)]
+
+
+def headline(verdicts: PaperVerdicts, column: Column) -> list[Headline]:
+    """Returns what was learnt: of the orderings, per kind of sequences, and of the numbers."""
     if not column.engine:
         waiting = _many(len(column.orderings), "ordering")
-        return [f"Nothing is played yet, {waiting} wait. {_numbers(verdicts, column)}"]
-    found = [" ".join(_orderings(column))] if column.orderings else []
-    return [*found, _numbers(verdicts, column)]
+        wait = "waits" if len(column.orderings) == 1 else "wait"
+        return [
+            Headline(f"Nothing is played yet, {waiting} {wait}.", []),
+            _numbers(verdicts, column),
+        ]
+    return [*_orderings(column), _numbers(verdicts, column)]
 
 
 OUTCOME_WORDS: dict[str, tuple[str, str]] = {
     "hold": ("holds", "hold"),
     "reversed": ("is reversed", "are reversed"),
     "in_part": ("is reversed in part", "are reversed in part"),
-    "not_seen": ("is not seen", "are not seen"),
+    "not_seen": ("is not shown by ours", "are not shown by ours"),
     "open": ("cannot be told", "cannot be told"),
     "unshown": (
         "is not shown by the paper's own numbers",
@@ -245,14 +268,14 @@ OUTCOME_WORDS: dict[str, tuple[str, str]] = {
 """Group -> singular and plural."""
 
 
-def _orderings(column: Column) -> list[str]:
-    """Returns one sentence per kind of sequences: the paper's own, others."""
+def _orderings(column: Column) -> list[Headline]:
+    """Returns one headline per kind of sequences: the paper's own, others."""
     by_place: dict[str, list[JudgedOrdering]] = {}
     for item in sorted(column.orderings, key=lambda item: bool(item.stand_ins)):
         by_place.setdefault("substitute" if item.stand_ins else "own", []).append(item)
     if "own" in by_place and not any(o.begun for o in by_place["own"]):
         by_place.setdefault("substitute", []).extend(by_place.pop("own"))
-    return [f"{_place(own)} {_outcomes(own)}." for own in by_place.values()]
+    return [_outcomes(own) for own in by_place.values()]
 
 
 def _place(items: list[JudgedOrdering]) -> str:
@@ -267,62 +290,69 @@ def _place(items: list[JudgedOrdering]) -> str:
     return f"On {generated}other recordings ({', '.join(recorded)})"
 
 
-@lru_cache
 def is_generated(dataset: str) -> bool:
     """Returns whether a sequence is generated by slambed; False for one that is not known here."""
-    file = repository_root() / "catalog" / "datasets" / f"{dataset}.yaml"
-    if not is_file(file):
+    recipe = _recipe(dataset)
+    if recipe is None:
         return False
-    recipe = load_recipe(file)
     return recipe.synthetic is not None or bool(recipe.window_of and is_generated(recipe.window_of))
 
 
-def _outcomes(items: list[JudgedOrdering]) -> str:
-    """Returns `11 of 24 orderings hold, 2 are reversed, 11 cannot be told`."""
+def _outcomes(items: list[JudgedOrdering]) -> Headline:
+    """Returns `On generated sequences 11 of 24 orderings hold.`, and the other outcomes."""
     counts = Counter(outcome_of(item) for item in items)
-    unshown = {"unshown": _unshown(items)}
-    if len(counts) == 1 and not counts["hold"]:
-        (group,) = counts
-        words = OUTCOME_WORDS[group][len(items) > 1]
-        return f"{_many(len(items), 'ordering')} {words}{unshown.get(group, '')}"
-    rest = [
-        f"{counts[group]} {words[counts[group] > 1]}{unshown.get(group, '')}"
-        for group, words in OUTCOME_WORDS.items()
-        if counts[group] and group != "hold"
-    ]
+    rest: list[str] = []
+    for group, words in OUTCOME_WORDS.items():
+        if counts[group] and group != "hold":
+            rest.append(f"{counts[group]} {words[counts[group] > 1]}")
+        if group == "unshown":
+            rest += _unshown(items)
     holding = f"{counts['hold'] or 'none'} of {_many(len(items), 'ordering')}"
-    return ", ".join([f"{holding} {'hold' if counts['hold'] > 1 else 'holds'}", *rest])
+    if len(items) == 1:
+        holding = "one ordering" if counts["hold"] else "no ordering"
+    return Headline(f"{_place(items)} {holding} {'hold' if counts['hold'] > 1 else 'holds'}.", rest)
 
 
-def _unshown(items: list[JudgedOrdering]) -> str:
-    """Returns ` (ours: reversed in 25 of 26 pairs)`: what ours show of orderings that the paper's
-    own numbers do not show; empty if nothing."""
-    shown = [i.holding.removeprefix("ours: ") for i in items if i.unshown in ("holds", "reversed")]
-    return f" (ours: {'; '.join(shown)})" if shown else ""
+def _unshown(items: list[JudgedOrdering]) -> list[str]:
+    """Returns what ours show of each ordering that the paper's own numbers do not show; nothing
+    where they show nothing either."""
+    several = sum(outcome_of(item) == "unshown" for item in items) > 1
+    return [
+        f'{"of these, " if several else ""}"{item.contrast.says}" '
+        f"({item.contrast.id.partition('.')[2]}), {item.holding}"
+        for item in items
+        if item.unshown in ("holds", "reversed")
+    ]
 
 
 def _many(number: int, word: str) -> str:
     return f"{number} {word}{'' if number == 1 else 's'}"
 
 
-def _numbers(verdicts: PaperVerdicts, column: Column) -> str:
-    """Returns the sentence about the numbers: every printed one is in one of its groups."""
+def _numbers(verdicts: PaperVerdicts, column: Column) -> Headline:
+    """Returns how many printed numbers are judged, and the groups of the others: every printed one
+    is counted once."""
     counted = count(verdicts, column)
     marks = Counter(row.mark for row in column.rows.values())
-    own_data = sum(row.provenance == "same_data" for row in column.rows.values())
-    derived = f" or follow from published numbers ({own_data})" if own_data else ""
-    words = {
-        "judged": f"are judged ({marks['R']} reproduced, {marks['D']} different, {marks['I']} "
-        "open)",
-        "beside": "are shown beside ours and not judged",
-        "fitted": f"were set to match{derived}",
-        "setting": "are settings or repeated",
-        "none": f"have none of ours ({counted.because})",
-    }
-    found = [
-        f"{counted.groups[group]} {words[group]}" for group in GROUP_WORDS if counted.groups[group]
-    ]
-    return f"Of {counted.printed} printed numbers {', '.join(found)}."
+    derived = sum(row.provenance == "same_data" for row in column.rows.values())
+    judged, because = counted.groups["judged"], counted.because
+    found = (
+        (
+            counted.groups["beside"],
+            "is shown beside ours, not judged",
+            "are shown beside ours, not judged",
+        ),
+        (counted.groups["fitted"] - derived, "was set to match", "were set to match"),
+        (derived, "follows from other published numbers", "follow from other published numbers"),
+        (counted.groups["setting"], "is a setting or repeated", "are settings or repeated"),
+        (counted.groups["none"], f"has none of ours: {because}", f"have none of ours: {because}"),
+    )
+    rest = [f"{number} {many if number > 1 else one}" for number, one, many in found if number]
+    verb = "are" if judged > 1 else "is"
+    says = f"Of {counted.printed} printed numbers {judged or 'none'} {verb} judged"
+    parts = ((marks["R"], "reproduced"), (marks["D"], "different"), (marks["I"], "open"))
+    how = ", ".join(f"{number} {word}" for number, word in parts)
+    return Headline(f"{says}: {how}." if judged else f"{says}.", rest)
 
 
 RUNS_WORDS = {"virtual": "runs simulated in virtual time"}
@@ -333,7 +363,8 @@ def circumstance(
 ) -> Circumstance:
     """Returns engine, devices, commit, seeds, plan and runs per number."""
     paper = verdicts.paper
-    used = [r for r in experiments if r.name in experiments_behind(column)]
+    behind = experiments_behind(column)
+    used = [r for r in experiments if r.name in behind]
     commits = sorted({c[:7] for r in used for c in r.facts.get("commit", {})})
     counts = [_runs_of(r) for r in column.rows.values() if r.measured.there]
     engine = column.engine
@@ -371,15 +402,15 @@ def _seeds(results: Results) -> str:
     return f"{seeds[0]} to {seeds[-1]}" if len(seeds) > 1 else ", ".join(map(str, seeds))
 
 
-def twelve_lines(verdicts: PaperVerdicts, experiments: list[Results]) -> list[str]:
-    """Returns the page for the terminal: at most twelve lines per kind of engine."""
+def terminal_lines(verdicts: PaperVerdicts, experiments: list[Results]) -> list[str]:
+    """Returns the page for the terminal, about a screen per kind of engine."""
     found: list[str] = []
     for column in verdicts.columns:
         title = f"{verdicts.paper.paper.title} ({verdicts.paper.paper.year})"
         lines = [
             title,
             circumstance(verdicts, column, experiments).line,
-            " ".join(headline(verdicts, column)),
+            *(line for found in headline(verdicts, column) for line in found.lines),
         ]
         claims = claim_lines(column)
         shown = claims if len(claims) <= SHOWN_CLAIMS else claims[: SHOWN_CLAIMS - 1]

@@ -35,8 +35,8 @@ def ordering_powers(paper: Paper, runs: tuple[int, ...] = RUNS) -> Table:
     adjusted = _adjusted(cases)
     table = Table(
         "powers",
-        "Chance that an ordering holds with so many runs per cell, if the paper is right (before a "
-        f"run: spread assumed, {USUAL_CV:.0%} of a mean; a page takes that of its runs)",
+        "Chance that an ordering holds with so many runs per combination, if the paper is right "
+        f"(before a run: spread assumed, {USUAL_CV:.0%} of a mean; a page takes that of its runs)",
         [
             "ordering",
             "statement",
@@ -50,7 +50,7 @@ def ordering_powers(paper: Paper, runs: tuple[int, ...] = RUNS) -> Table:
         contrast, p_paper = case.contrast, adjusted.get(case.contrast.id)
         says = contrast.says + (" (main)" if contrast.main else "")
         if p_paper is None or contrast.kind == "blocks":
-            why = "in words only" if contrast.basis == "text" else "no test of single cells"
+            why = "in words only" if contrast.basis == "text" else "no test of single numbers"
             table.rows.append([contrast.id, says, *("-" for _ in runs), "-", why])
             continue
         steps = case.steps()
@@ -81,7 +81,7 @@ def number_powers(paper: Paper, runs: tuple[int, ...] = RUNS) -> Table:
     judge = Judge(paper, pool_of([]), cells, frozenset())
     table = Table(
         "numbers",
-        "Numbers that would be reproduced with so many runs per cell, if ours is the "
+        "Numbers that would be reproduced with so many runs per combination, if ours is the "
         f"same system on the same sequence (spread assumed: {USUAL_CV:.0%} of a mean)",
         ["table", "to be judged", *(str(n) for n in runs)],
     )
@@ -153,7 +153,7 @@ def costs(
         f"assumed is {VIRTUAL_SHARE:.0%} of the played time on each of {jobs} processes"
     )
     table = Table(
-        "costs", caption, ["experiment", "cells", "runs per cell", "runs", "minutes", "times"]
+        "costs", caption, ["experiment", "combinations", "runs of each", "runs", "minutes", "times"]
     )
     table.rows = [cost.row() for cost in found]
     return table

@@ -75,7 +75,7 @@ def plan_lines(
         runs = results.runs[results.runs["run_key"].isin(behind)]
         fewest = int(runs.groupby("cell").size().min()) if len(runs) else 0
         if fewest < item.runs:
-            there = f"{fewest} run{'' if fewest == 1 else 's'} in a cell"
+            there = f"{fewest} run{'' if fewest == 1 else 's'} of a combination"
             text = f"{results.name}: {there}, {item.runs} were planned"
             if results.expected and results.expected > len(results.runs):
                 text += f" ({len(results.runs)} of {results.expected} runs of it are there)"
@@ -84,7 +84,7 @@ def plan_lines(
     for name, item in planned.items():
         if column.engine != plan.engine or name in {results.name for results in used}:
             continue
-        text = f"nothing played, {item.runs} runs a cell were planned"
+        text = f"nothing played, {item.runs} runs per combination were planned"
         if name in played:
             text = "played, but no number could be taken from its runs"
         found.append(PlanLine(f"{name}: {text}.", bad=True))

@@ -12,6 +12,7 @@ import pandas as pd
 from slambed.errors import SlambedError
 from slambed.report.cells import text
 from slambed.report.load import Results
+from slambed.report.selected import facts_of_runs, selected
 from slambed.report.tables import Table
 from slambed.spec.selection import (
     CELL,
@@ -19,10 +20,7 @@ from slambed.spec.selection import (
     NO_EDGE,
     NO_LINK,
     PARAMS,
-    Facts,
     Selection,
-    facts_of,
-    meant,
 )
 
 Key = tuple[str, ...]
@@ -53,9 +51,7 @@ class Side:
     def of(cls, results: Results, asked: Iterable[str], option: str) -> "Side":
         """Returns the selected runs. Raises SlambedError for a selection without runs."""
         texts = tuple(asked)
-        if not texts:
-            return cls(results)
-        return cls(results.only(meant(_facts(results.runs), texts, option)), texts)
+        return cls(selected(results, texts, option), texts)
 
     @property
     def keys(self) -> frozenset[str]:
@@ -102,7 +98,7 @@ class Sides:
                 runs = made.a.results.runs
                 cells = list(dict.fromkeys(runs[runs["run_key"].isin(shared)]["cell"].map(text)))
                 raise SlambedError(
-                    f"--a and --b both mean {_words_of('cell', cells)}; select more closely"
+                    f"--a and --b both mean {_words_of('combination', cells)}; select more closely"
                 )
         return made
 
@@ -192,8 +188,9 @@ class Sides:
             key = (" ".join(_words(shown)), *where)
             if key in found:
                 raise SlambedError(
-                    f"{letter} has two cells where the other side may have one: {found[key].cell} "
-                    f"and {cell}; select more closely, as in --{letter.lower()} link=..."
+                    f"{letter} has two combinations where the other side may have one: "
+                    f"{found[key].cell} and {cell}; select more closely, as in "
+                    f"--{letter.lower()} link=..."
                 )
             in_common = "/".join(filter(None, (shown, *where)))
             found[key] = Pooled(str(cell), in_common, rows)
@@ -276,32 +273,9 @@ def _chosen(asked: tuple[str, ...], other: tuple[str, ...]) -> str:
     return ", ".join(apart) or asked[0]
 
 
-def _facts(runs: pd.DataFrame) -> list[Facts]:
-    params = [name for name in runs if str(name).startswith("params.")]
-    found: list[Facts] = []
-    for row in runs.to_dict("records"):
-        own = {str(p).removeprefix("params."): row[p] for p in params if row[p] == row[p]}
-        found.append(
-            facts_of(
-                text(row["cell"]),
-                text(row["system"]),
-                text(row["variant"]),
-                [text(row["label"]), text(row["plain_label"])],
-                text(row["dataset"]),
-                text(row["profile"]),
-                text(row["device_mobile"]),
-                text(row["device_edge"]),
-                text(row["engine"]),
-                text(row["pace"]),
-                own,
-            )
-        )
-    return found
-
-
 def _varied(runs: pd.DataFrame) -> str:
     """Returns an example of --a and --b for the first key with several values."""
-    facts = _facts(runs)
+    facts = facts_of_runs(runs)
     for key in KEYS:
         names = list(dict.fromkeys(own[key][0] for own in facts))
         if len(names) > 1:

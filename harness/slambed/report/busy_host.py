@@ -1,13 +1,12 @@
 # SPDX-License-Identifier: Apache-2.0
 """Warns about valid runs that a busy host affected, one line per cell."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 
 import pandas as pd
 
 from slambed.metrics.resources import Resources, resources_of
 
-MOST_CELLS = 10
 STALL_MS = 100.0
 """Time between two frames of the papers' playback: a longer stall drops one."""
 WAIT_SHARE = 0.5
@@ -17,34 +16,34 @@ Samples = Callable[[str], pd.DataFrame | None]
 """Returns the samples of a run by its key; None if they cannot be read."""
 
 
-def held_up(runs: pd.DataFrame) -> list[str]:
-    """Returns lines about track losses in runs that the host stalled; these may not be the
+def held_up(runs: pd.DataFrame) -> Iterator[str]:
+    """Yields lines about track losses in runs that the host stalled; these may not be the
     system's."""
     if "host_stall_ms_max" not in runs or "lost" not in runs:
-        return []
+        return
     stalled = runs[(runs["host_stall_ms_max"] > STALL_MS) & runs["lost"].eq(True)]
-    return [
-        f"{cell}: {len(found)} of the runs with a track loss were held up by the host for more "
-        f"than {STALL_MS:g} ms, at most {found['host_stall_ms_max'].max():.0f} ms at once; "
-        "tolerances.host_stall_ms_max keeps such runs out"
-        for cell, found in list(stalled.groupby("cell", sort=False))[:MOST_CELLS]
-    ]
+    for cell, found in stalled.groupby("cell", sort=False):
+        yield (
+            f"{cell}: {len(found)} of the runs with a track loss were held up by the host for more "
+            f"than {STALL_MS:g} ms, at most {found['host_stall_ms_max'].max():.0f} ms at once; "
+            "tolerances.host_stall_ms_max keeps such runs out"
+        )
 
 
-def waited(runs: pd.DataFrame, samples: Samples) -> list[str]:
-    """Returns lines about runs whose mobile node waited for a CPU, so that stages took longer than
+def waited(runs: pd.DataFrame, samples: Samples) -> Iterator[str]:
+    """Yields lines about runs whose mobile node waited for a CPU, so that stages took longer than
     on the device."""
     if "cpu_wait_share" not in runs:
-        return []
+        return
     waiting = runs[runs["cpu_wait_share"].astype(float) > WAIT_SHARE]
     sizes = runs.groupby("cell").size()
-    return [
-        f"{cell}: in {len(found)} of {sizes[cell]} runs the mobile node waited for a processor for "
-        f"more than {100 * WAIT_SHARE:.0f} % of the time in which it wanted one, so its stages "
-        f"took longer than the limits of its device explain; most {_most(found, samples)}; "
-        "tolerances.cpu_wait_share_max keeps such runs out"
-        for cell, found in list(waiting.groupby("cell"))[:MOST_CELLS]
-    ]
+    for cell, found in waiting.groupby("cell"):
+        yield (
+            f"{cell}: in {len(found)} of {sizes[cell]} runs the mobile node waited for a processor "
+            f"for more than {100 * WAIT_SHARE:.0f} % of the time in which it wanted one, so its "
+            f"stages took longer than the limits of its device explain; most "
+            f"{_most(found, samples)}; tolerances.cpu_wait_share_max keeps such runs out"
+        )
 
 
 def _most(found: pd.DataFrame, samples: Samples) -> str:

@@ -152,5 +152,5 @@ def _power(found: list[Difference]) -> str:
     fewest = min(d.found.runs for d in blind)
     return (
         f". With {fewest} runs {len(blind)} of these {len(found)} comparisons could show no "
-        f"difference, however large; from {needed} runs per cell on they can"
+        f"difference, however large; from {needed} runs per combination on they can"
     )

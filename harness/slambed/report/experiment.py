@@ -201,7 +201,7 @@ def headline(results: Results, cells: list[Cell]) -> str:
     of = f" of {results.expected}" if results.expected and results.expected > total else ""
     fewest = min((cell.valid for cell in cells), default=0)
     return (
-        f"{total}{of} runs in {len(cells)} cells, {valid} valid{_failed(results)}. "
+        f"{total}{of} runs in {len(cells)} combinations, {valid} valid{_failed(results)}. "
         f"{power_hint(fewest)}"
     )
 

@@ -6,6 +6,7 @@ from collections import Counter
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from itertools import islice
 from pathlib import Path
 from typing import Any
 
@@ -13,7 +14,7 @@ import pandas as pd
 import pyarrow as pa
 import pyarrow.parquet as pq
 
-from slambed.data.stand_in import used_instead
+from slambed.data.stand_in import played_instead
 from slambed.data.trajectory import Trajectory, read_tum
 from slambed.errors import SlambedError
 from slambed.files.json_file import object_or_empty
@@ -211,8 +212,9 @@ def load(folder: Path) -> Results:
     def samples(run_key: str) -> pd.DataFrame | None:
         return results.table(run_key, "samples")
 
-    for reported in (*held_up(runs), *waited(runs, samples), *stalled_links(runs)):
-        results.complain(reported)
+    for lines in (held_up(runs), waited(runs, samples), stalled_links(runs)):
+        for line in islice(lines, MOST_PROBLEMS_PER_KIND):
+            results.complain(line)
     return results
 
 
@@ -442,7 +444,7 @@ def _stand_ins(experiment: dict[str, Any]) -> list[str]:
     pairs = found.items() if isinstance(found, dict) else ()
     asked = names if isinstance(names, dict) else {}
     return [
-        used_instead(
+        played_instead(
             str(used), str(wanted), " and ".join(n for n, led_to in asked.items() if led_to == used)
         )
         for used, wanted in pairs
@@ -455,4 +457,6 @@ def _report_missing(results: Results, planned: list[dict[str, Any]]) -> None:
     for cell, count in list(missing.items())[:MOST_PROBLEMS_PER_KIND]:
         results.complain(f"{cell}: {count} runs missing")
     if len(missing) > MOST_PROBLEMS_PER_KIND:
-        results.complain(f"... and {len(missing) - MOST_PROBLEMS_PER_KIND} more cells with gaps")
+        results.complain(
+            f"... and {len(missing) - MOST_PROBLEMS_PER_KIND} more combinations with gaps"
+        )

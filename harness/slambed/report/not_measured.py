@@ -15,10 +15,6 @@ from slambed.report.setup import is_virtual
 FROM_TRUTH = {field.name for field in fields(Accuracy)} | {"reloc_known_s"}
 """Keys of the metrics that need a ground truth."""
 
-OF_LIVE_RUNS = ("rtt_measured_", "rtt_error_", "throttled_", "host_", "cpu_wait_", "pace_")
-"""What the keys of metrics begin with that virtual runs have not: their link, limits and host are
-models."""
-
 
 def not_measured(results: Results) -> list[str]:
     """Returns one line per reason, with the metrics that are in no table because of it."""
@@ -35,9 +31,12 @@ def _reason(results: Results, item: Metric) -> str:
     runs = results.valid_runs
     if item.key not in results.numbers():
         return "no system of these runs reports it"
+    counted, without = item.null_without
+    if without and runs[counted].eq(0).all():
+        return without
     if item.key in FROM_TRUTH and runs["groundtruth"].isna().all():
         return "no run has a ground truth"
-    if item.key.startswith(OF_LIVE_RUNS) and is_virtual(runs):
+    if item.live_only and is_virtual(runs):
         return "only live runs measure it"
     if old_version(runs) is not None and not len(with_events(results, runs)):
         return "the numbers are of an older version, and no run has events to compute it from"

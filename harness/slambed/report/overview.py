@@ -206,8 +206,9 @@ def _in_words(row: pd.Series) -> str:
 
 
 CAPTION = (
-    "The median run of each cell: the middle one of the valid runs, sorted by coverage and then by "
-    "ATE RMSE, of an even number the worse of the two in the middle; of 2 runs the worse one. "
+    "The median run of each combination: the middle one of the valid runs, sorted by coverage and "
+    "then by ATE RMSE, of an even number the worse of the two in the middle; of 2 runs the worse "
+    "one. "
     "Strip: green tracked, orange lost, gray not initialized; cross: track lost; tick under it: "
     "map update applied (dark) or declined (pink)."
 )

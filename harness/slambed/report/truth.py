@@ -81,7 +81,7 @@ def truth_table(live: Results, virtual: Results) -> Table:
     ours, theirs = _cells(virtual, True), _cells(live, False)
     shared = [cell for cell in theirs if cell in ours]
     if not shared:
-        raise SlambedError(f"{live.folder} and {virtual.folder} have no cell in common")
+        raise SlambedError(f"{live.folder} and {virtual.folder} have no combination in common")
     table = Table(
         "truth",
         f"Virtual ({virtual.folder}) against live ({live.folder}), medians (least to most) of "

@@ -351,10 +351,12 @@ def _refuse_twins(specs: list[RunSpec], source: YamlSource) -> None:
         key = spec.run_key
         if (twin := seen.get(key)) is not None:
             raise source.complaint(
-                f"cells '{twin.cell}' and '{spec.cell}' are the same", ("systems",)
+                f"combinations '{twin.cell}' and '{spec.cell}' are the same", ("systems",)
             )
         if cells.setdefault((spec.cell, spec.repetition), key) != key:
             raise source.complaint(
-                f"two different cells are called '{spec.cell}'", ("systems",), "give them labels"
+                f"two different combinations are called '{spec.cell}'",
+                ("systems",),
+                "give them labels",
             )
         seen[key] = spec

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Selection of runs: `--only` and `--force` of run, `--a` and `--b` of diff.
 
-A selection is a cell name (`*/rtt_40`; `*` matches any text) or a property such as
+A selection is the name of a combination (`*/rtt_40`; `*` matches any text) or a property such as
 `system=edgeslam`. Comma-separated properties must all hold: `system=edgeslam,link=rtt_*`.
 """
 
@@ -16,7 +16,10 @@ CELL = "cell"
 PARAMS = "params."
 KEYS = ("system", "variant", "label", "dataset", "link", "device", "edge", "engine", "pace")
 """Properties that a selection may test besides the cell name and `params.<name>`."""
-SYNTAX = f"a cell (* is any text), or KEY=VALUE,... of {', '.join(KEYS)}, {PARAMS}NAME"
+SYNTAX = (
+    "a combination such as alone/room/none (* is any text), "
+    f"or KEY=VALUE,... of {', '.join(KEYS)}, {PARAMS}NAME"
+)
 NO_LINK, NO_EDGE = "no link", "no edge"
 _KEY = rf"(?:{'|'.join(KEYS)}|params\.\w+)="
 
@@ -60,12 +63,14 @@ class Selection:
             if not any(fnmatchcase(name, pattern) for name in known):
                 break
         else:
-            return SlambedError(f"{option} {self.text} is no cell: no run has all of that")
+            return SlambedError(f"{option} {self.text} is no combination: no run has all of that")
         reported = ", ".join(known) or "none"
         if key != CELL:
-            return SlambedError(f"{option} {self.text} is no cell; {key}: {reported}")
+            return SlambedError(f"{option} {self.text} is no combination; {key}: {reported}")
         hint = f"; or KEY=VALUE of {', '.join(KEYS)}, {PARAMS}NAME" if "=" in self.text else ""
-        return SlambedError(f"{option} {self.text} is no cell; cells: {reported}{hint}")
+        return SlambedError(
+            f"{option} {self.text} is no combination; combinations: {reported}{hint}"
+        )
 
 
 def meant(runs: list[Facts], texts: Iterable[str], option: str) -> list[bool]:

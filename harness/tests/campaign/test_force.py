@@ -103,5 +103,5 @@ def test_the_preview_counts_forced_runs_as_missing(tmp_path: Path) -> None:
     assert preview([spec], store, kept, 1.0, 1)[0] == "solo: 1 of 1 runs there"
     forced = frozenset({spec.run_key})
     assert preview([spec], store, kept, 1.0, 1, forced)[0] == "solo: 0 of 1 runs there"
-    with pytest.raises(SlambedError, match="--force pair is no cell"):
+    with pytest.raises(SlambedError, match="--force pair is no combination"):
         chosen([spec], ["pair"], "--force")

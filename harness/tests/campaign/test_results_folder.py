@@ -17,6 +17,7 @@ from slambed.campaign.ledger import Ledger
 from slambed.campaign.runs_beyond_plan import valid_repetitions
 from slambed.campaign.status import status_of
 from slambed.errors import ExitCode, SlambedError
+from slambed.spec.library import Library
 from slambed.spec.run_spec import RunSpec
 
 
@@ -205,6 +206,37 @@ def test_runs_made_with_other_settings_stay_unless_they_are_meant(tmp_path: Path
     assert folder.store.keys() == sorted([planned.run_key, with_set.run_key])
     assert slambed("results", "prune", "--other-settings", "--yes", *place)[0] == ExitCode.OK
     assert folder.store.keys() == [planned.run_key]
+
+
+def test_runs_of_a_system_that_the_experiment_no_longer_names_are_told_as_that(
+    tmp_path: Path,
+) -> None:
+    """The plan has the same system in another variant, and the file names neither."""
+    folder = ResultFolder(tmp_path / "quickstart")
+    folder.create()
+    planned = run_spec(experiment="quickstart")
+    gone = run_spec(experiment="quickstart", variant="former")
+    with_set = run_spec(experiment="quickstart", params={"x": 7})
+    choice = Library().experiment("quickstart")[0].systems[0]
+    in_file = run_spec(
+        experiment="quickstart", system=choice.system, variant=choice.variant or "any"
+    )
+    for spec in (planned, gone, with_set, in_file):
+        finished(folder, spec)
+    listed = {"run_key": planned.run_key, **planned.model_dump(mode="json")}
+    folder.write_json("experiment.json", {"runs": [listed]})
+    folder.close()
+    place = ("--results", str(tmp_path))
+    code, out, err = slambed("results", "prune", *place)
+    assert code == ExitCode.OK, err
+    settings, system, _ = (re.sub(r"[0-9.]+ MB", "MB", line) for line in out.splitlines())
+    assert settings.startswith(
+        "quickstart, made with other settings than those of its last plan: 2"
+    )
+    name = f"{gone.system}:former"
+    assert system == f"quickstart, of {name}, which the experiment no longer names: 1 runs, MB"
+    assert slambed("results", "prune", "--yes", *place)[0] == ExitCode.OK
+    assert folder.store.keys() == sorted(s.run_key for s in (planned, with_set, in_file))
 
 
 def test_status_of_nothing_says_how_to_begin(tmp_path: Path) -> None:

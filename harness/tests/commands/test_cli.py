@@ -141,7 +141,7 @@ def test_checking_knows_how_long_a_prepared_sequence_is(tmp_path: Path) -> None:
         (("--set", "link.rtt_ms=20"), "unknown key 'rtt_ms'"),
         (("--runs", "some"), "--runs some is neither a number"),
         (("--runs", "0"), "--runs 0 is neither a number"),
-        (("--only", "nothing"), "--dry-run looks at cells"),
+        (("--only", "nothing"), "--dry-run looks at combinations"),
     ],
 )
 def test_checking_looks_at_what_is_asked_for(asked: tuple[str, ...], part: str) -> None:

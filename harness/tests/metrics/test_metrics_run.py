@@ -304,3 +304,15 @@ def test_true_path_is_kept_once(tmp_path: Path) -> None:
     again = read_tum(kept)
     assert absolute_error(again, room_walk(12.0)).rmse == pytest.approx(0.0, abs=1e-6)
     assert np.all(np.diff(again.stamps_s) > 0)
+
+
+def test_a_virtual_run_has_no_value_of_what_only_live_runs_measure(raw: Path) -> None:
+    """Its files may hold a probe's RTT and a throttled cgroup all the same."""
+    live = summarize_run(raw, EDGE_SPEC)
+    virtual = summarize_run(raw, EDGE_SPEC | {"engine": "virtual"})
+    only = [item.key for item in metrics_of("edgeslam") if item.live_only]
+    assert [key for key in only if virtual[key] is not None] == []
+    assert {key for key in only if live[key] is not None} >= {"rtt_error_ms_median", "throttled_ms"}
+    assert "`throttled_ms` | float | ms | live runs only: " in document.renewed(
+        (DOCS / "reference/summary.md").read_text(), ("summary",)
+    )

@@ -55,7 +55,7 @@ def test_one_row_per_variant_with_median_and_losses(tmp_path: Path) -> None:
     assert not found.open
     assert re.findall(r"<tr><th>([^<]+)</th><td>", html) == ["A", "B &amp; C", "one camera"]
     assert html.count('role="img"') == 3  # one sequence, seen by two kinds of camera
-    assert "10 runs a cell" in html
+    assert "10 runs per combination" in html
     lost = "B &amp; C, pi, slow: median ATE RMSE 5.5 cm, 4 of 10 runs lost track"
     assert f"<title>{lost}</title>" in html
     with (tmp_path / "tables" / "all_systems.csv").open() as file:
@@ -67,11 +67,11 @@ def test_one_row_per_variant_with_median_and_losses(tmp_path: Path) -> None:
 def test_the_headline_is_computed() -> None:
     cells = cells_of_runs(results_of({"A": 0, "B": 4}))
     assert takeaway(cells) == [
-        "In 6 of 8 cells at most 10 % of the runs lose track. 1 of 2 variants never loses it. B "
-        "loses it most often, in 20 % of its runs."
+        "In 6 of 8 combinations at most 10 % of the runs lose track. 1 of 2 variants never "
+        "loses it. B loses it most often, in 20 % of its runs."
     ]
     assert takeaway(cells_of_runs(results_of({"A": 0}))) == [
-        "In 4 of 4 cells at most 10 % of the runs lose track. 1 of 1 variant never loses it."
+        "In 4 of 4 combinations at most 10 % of the runs lose track. 1 of 1 variant never loses it."
     ]
 
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The page of a paper: the same verdicts as HTML, Markdown, LaTeX and twelve lines of text."""
+"""The page of a paper: the same verdicts as HTML, Markdown, LaTeX and text."""
 
 import re
 from dataclasses import replace
@@ -19,7 +19,7 @@ from slambed.papers.lookup import pool_of
 from slambed.papers.orderings import outcome_of
 from slambed.papers.paper_claims import claim_groups, claim_lines, in_short
 from slambed.papers.paper_page import PaperPage, write_overview, write_paper_page
-from slambed.papers.paper_view import twelve_lines
+from slambed.papers.paper_view import terminal_lines
 from slambed.papers.published import Paper, read_papers
 from slambed.papers.reasons import count_json, count_table
 from slambed.report.load import Results
@@ -126,7 +126,7 @@ def test_claims_come_before_numbers_and_engines_stay_apart(page: PaperPage) -> N
     assert "never summed" in html
     assert "HOLDS" in html
     assert "same ordering" not in html
-    assert re.search(r"Of 163 printed numbers \d+ are judged \(\d+ reproduced, ", html)
+    assert re.search(r"Of 163 printed numbers \d+ are judged: \d+ reproduced, ", html)
     assert "(seeds 7 to 106)" in html
 
 
@@ -156,15 +156,15 @@ def test_what_holds_without_being_evidence_looks_like_none(page: PaperPage) -> N
         line = next(c for c in claim_lines(column) if c.anchor == "dynnet.O03")
         found[name] = (line.badge, line.style)
         reported = paper_view.headline(page.verdicts, column)[0]
-        assert reported.startswith(
+        assert reported.says.startswith(
             "On the paper's own sequences" if name == "fitted" else "On generated sequences"
         )
-        assert ("compare numbers set to match" in reported) == (name == "fitted")
+        assert ("numbers set to match" in " ".join(reported.rest)) == (name == "fitted")
         outcomes = [outcome_of(item) for item in column.orderings]
-        counted = re.sub(r" \(ours: [^)]*\)", "", reported)
-        assert sum(map(int, re.findall(r"\d+", counted))) == 2 * len(outcomes)
+        counted = [line for line in reported.lines if not line.startswith(("- of these", '- "'))]
+        assert sum(map(int, re.findall(r"\d+", " ".join(counted)))) == 2 * len(outcomes)
     assert found == {
-        "stand-in": ("HOLDS ON A STAND-IN", "holds weak"),
+        "stand-in": ("HOLDS ON A SUBSTITUTE SEQUENCE", "holds weak"),
         "half": ("NOT ALL RUN", "half_run"),
         "fitted": ("HOLDS (FITTED, NO EVIDENCE)", "holds weak"),
     }
@@ -180,22 +180,24 @@ def test_where_nothing_could_be_compared_nothing_is_said_to_agree_or_differ(
     reported = paper_view.headline(verdicts, column)[1]
     marks = column.marks(list(column.rows))
     assert not marks["R"] + marks["D"] + marks["I"]
-    assert reported.startswith(
-        f"Of 163 printed numbers {marks['S']} are shown beside ours and not judged, "
-        f"{marks['P']} are settings or repeated, "
-    )
-    groups = reported.partition(" (")[0]
-    assert sum(map(int, re.findall(r"\d+", groups))) == 2 * 163
-    lines = " ".join(twelve_lines(verdicts, [stand_in]))
+    assert reported.says == "Of 163 printed numbers none is judged."
+    assert reported.rest[:2] == [
+        f"{marks['S']} are shown beside ours, not judged",
+        f"{marks['P']} are settings or repeated",
+    ]
+    assert sum(int(line.split()[0]) for line in reported.rest) == 163
+    lines = " ".join(terminal_lines(verdicts, [stand_in]))
     for word in ("reproduced", "differ", "inconclusive"):
-        assert word not in reported and f"0 {word}" not in lines
+        assert word not in " ".join(reported.lines) and f"0 {word}" not in lines
     some = compare_paper(dynnetslam, pool_of([table_2(lost, 100)]), [])
     reported = paper_view.headline(some, some.columns[0])[1]
-    assert re.match(
-        r"Of 163 printed numbers 1\d are judged \(\d+ reproduced, \d+ different, \d+ open\), ",
-        reported,
+    found = re.fullmatch(
+        r"Of 163 printed numbers (1\d) are judged: (\d+) reproduced, (\d+) different, (\d+) open\.",
+        reported.says,
     )
-    assert "and are not judged" not in reported
+    assert found is not None
+    judged, *parts = map(int, found.groups())
+    assert judged == sum(parts) == 163 - sum(int(line.split()[0]) for line in reported.rest)
 
 
 def test_of_several_pairs_those_that_do_not_hold_are_named(
@@ -207,7 +209,7 @@ def test_of_several_pairs_those_that_do_not_hold_are_named(
     assert page.verdicts is not None
     lines = {c.anchor: c for c in claim_lines(page.verdicts.columns[0])}
     claim = lines["dynnet.O03"]
-    assert (claim.badge, claim.pairs) == ("NOT SEEN IN FULL", "3 of 5 pairs hold")
+    assert (claim.badge, claim.pairs) == ("NOT SHOWN IN FULL", "3 of 5 pairs hold")
     assert "31/100 > conventional" in claim.ours and "weakest of 5 pairs" in claim.ours
     assert ["30/100 = " in pair.ours for pair in claim.failing] == [True]
     assert claim.failing[0].where == "office, rtt_added_ms 60"
@@ -216,17 +218,20 @@ def test_of_several_pairs_those_that_do_not_hold_are_named(
     entry = html[html.index('<li id="dynnet.O03">') :].split("</details>")[0]
     assert entry.index("3 of 5 pairs hold") < entry.index("31/100") < entry.index("<details")
     assert entry.count("<li>") == 4 and entry.index("not shown") < entry.index("<li>holds")
-    assert re.search("<b>NOT SEEN</b>: our runs do not show it .* at least 90 %", html)
-    assert " not seen" in paper_view.headline(page.verdicts, page.verdicts.columns[0])[0]
+    assert re.search("<b>NOT SHOWN BY OURS</b>: our runs do not show it .* at least 90 %", html)
+    headline = paper_view.headline(page.verdicts, page.verdicts.columns[0])[0]
+    assert any(" not shown by ours" in line for line in headline.rest)
     reported = next(
-        line for line in page.lines if "dynnet" not in line and line.startswith("[NOT SEEN")
+        line
+        for line in page.lines
+        if "dynnet" not in line and line.startswith("[NOT SHOWN IN FULL")
     )
     assert "; 3 of 5 pairs hold; would have shown with a chance of 100 %; nor do " in reported
     table = (page.html.parent / "tables" / "dynnetslam_pairs_live.csv").read_text()
     assert table.count("dynnet.O03,") == 5
     orderings = (page.html.parent / "tables" / "dynnetslam_orderings_live.csv").read_text()
     row = next(line for line in orderings.splitlines() if line.startswith("dynnet.O03,"))
-    assert ",not seen in full," in row and row.endswith("3 of 5 pairs hold")
+    assert ",not shown in full," in row and row.endswith("3 of 5 pairs hold")
 
 
 def test_what_the_paper_does_not_show_does_not_hide_what_ours_show(
@@ -240,7 +245,7 @@ def test_what_the_paper_does_not_show_does_not_hide_what_ours_show(
     main = next(c for c in dynnetslam.contrasts if c.id == "dynnet.O04")
     paper = dynnetslam.model_copy(update={"contrasts": [main, turned]})
 
-    def shown(lost: dict[str, list[int]], name: str) -> tuple[str, list[str], str]:
+    def shown(lost: dict[str, list[int]], name: str) -> tuple[list[str], list[str], str]:
         page = write_paper_page(paper, [table_2(lost, 100)], tmp_path / name)
         assert page.verdicts is not None
         column = page.verdicts.columns[0]
@@ -249,20 +254,23 @@ def test_what_the_paper_does_not_show_does_not_hide_what_ours_show(
         html = page.html.read_text()
         more = html[html.index("<summary>1 more ordering of the paper</summary>") :]
         assert '<li id="dynnet.O03">' in more.partition("</section>")[0]
-        return paper_view.headline(page.verdicts, column)[0], groups.get("unshown", []), html
+        found = paper_view.headline(page.verdicts, column)[0]
+        assert all(f"<li>{escape(line)}</li>" in html for line in found.rest)
+        assert f"- {found.rest[-1]}" in page.lines
+        return found.rest, groups.get("unshown", []), html
 
     mixed = {"conventional": [60, 60, 60, 5, 5], "static": [5, 5, 30, 60, 60]}
     headline, groups, html = shown(mixed, "mixed")
     both = "ours: holds in 2 and reversed in 3 of 5 pairs"
     assert groups == [both] and f"<b>{both}</b>" in html
-    assert f"1 is not shown by the paper's own numbers ({both})" in headline
-    assert "cannot be told" not in headline
+    unshown = "1 is not shown by the paper's own numbers"
+    assert headline == [unshown, f'"{turned.says}" (O03), {both}']
 
     headline, groups, _ = shown({"conventional": [5] * 5, "static": [60] * 5}, "holding")
-    assert groups == ["ours: holds"] and "(ours: holds)" in headline
+    assert groups == ["ours: holds"] and headline[-1].endswith("(O03), ours: holds")
     headline, groups, html = shown({"conventional": [5] * 5, "static": [5] * 5}, "equal")
-    assert groups == [] and "shown by the paper's own numbers" in headline
-    assert "(ours" not in headline and "<b>ours: not shown either</b>" in html
+    assert groups == [] and headline[-1] == unshown
+    assert "<b>ours: not shown either</b>" in html
 
 
 def test_where_ours_cannot_differ_the_page_says_why(dynnetslam: Paper, tmp_path: Path) -> None:
@@ -270,6 +278,8 @@ def test_where_ours_cannot_differ_the_page_says_why(dynnetslam: Paper, tmp_path:
         page = write_paper_page(dynnetslam, [table_2(lost, 100)], tmp_path)
         assert page.verdicts is not None
         lines = claim_lines(page.verdicts.columns[0], every=True)
+        cannot = [line for line in lines if line.pairs.endswith("nothing to compare")]
+        assert not any("would have shown" in line.note + line.chance for line in cannot)
         return {line.anchor.partition(".")[2]: line.pairs for line in lines}, page
 
     never = "no run of ours lost track: nothing to compare"
@@ -282,9 +292,10 @@ def test_where_ours_cannot_differ_the_page_says_why(dynnetslam: Paper, tmp_path:
     assert "0 (0/100)" in entry and "; no run of ours lost track" in entry
     always, _ = shown({"conventional": [100] * 5, "static": [100] * 5})
     assert always["O04"] == "every run of ours lost track: nothing to compare"
-    some, _ = shown({"conventional": [60, 60, 60, 0, 0], "static": [5, 5, 5, 0, 0]})
+    some, page = shown({"conventional": [60, 60, 60, 0, 0], "static": [5, 5, 5, 0, 0]})
     where = "in 2 of 5 pairs no run of ours lost track: nothing to compare there"
     assert some["O03"] == f"3 of 5 pairs hold; {where}"
+    assert "; would have shown with a chance of " in "".join(page.lines)
     equal, _ = shown({"conventional": [5] * 5, "static": [5] * 5})
     assert "nothing to compare" not in " ".join(equal.values())
 
@@ -295,7 +306,10 @@ def test_too_few_runs_say_how_many_would_decide(dynnetslam: Paper, tmp_path: Pat
     assert page.verdicts is not None
     lines = {c.anchor: c for c in claim_lines(page.verdicts.columns[0])}
     claim = lines["dynnet.O03"]
-    assert (claim.badge, claim.chance) == ("TOO FEW RUNS", "30 runs per cell would decide")
+    assert (claim.badge, claim.chance) == (
+        "TOO FEW RUNS",
+        "30 runs of each combination would decide",
+    )
     assert claim.chance in claim.line and claim.chance in claim.note
     assert "<b>TOO FEW RUNS</b>: our runs do not show it, and may well have missed it" in (
         page.html.read_text()
@@ -348,11 +362,11 @@ def test_runs_per_number_are_those_played(dynnetslam: Paper) -> None:
     assert ", 100 runs per number" in line
 
 
-def test_twelve_lines_say_the_same(page: PaperPage, experiments: list[Results]) -> None:
+def test_the_terminal_says_the_same(page: PaperPage, experiments: list[Results]) -> None:
     assert page.verdicts is not None
-    lines = twelve_lines(page.verdicts, experiments)
+    lines = terminal_lines(page.verdicts, experiments)
     assert lines == page.lines
-    assert len(lines) <= 12 * len(page.verdicts.columns)
+    assert len(lines) <= 24 * len(page.verdicts.columns)
     assert any(line.startswith("[HOLDS]") for line in lines)
     assert any("never" not in line and "reproduced" in line for line in lines)
     assert any(re.search(r"\d/\d+ runs", line) for line in lines)
@@ -385,7 +399,7 @@ def test_one_page_over_all_papers(
         assert (tmp_path / link.partition("#")[0]).exists()
     assert html.count("no runs yet") == len(papers) - 1
     assert html.count("Nothing is played yet") == len(papers) - 1
-    assert html.count("are judged (") == 1  # the virtual column is on the paper's own sequence
+    assert html.count("are judged: ") == 1  # the virtual column is on the paper's own sequence
     held = html[html.index('class="outcome hold"') :].split("</ul>")[0]
     assert "Enhanced Edge-SLAM loses track less often than conventional at every RTT" in held
     assert html.count('<svg class="strip"') == 2

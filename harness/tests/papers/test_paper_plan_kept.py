@@ -105,16 +105,16 @@ def test_what_was_not_as_planned_is_reported(dynnetslam: Paper) -> None:
     other_seed = results(seed=2, plan=plan)
     assert bad(dynnetslam, plan, other_seed) == ["made_up: seed 2, 1 was planned."]
     fewer = results(runs=6, plan=plan)
-    assert bad(dynnetslam, plan, fewer) == ["made_up: 6 runs in a cell, 10 were planned."]
+    assert bad(dynnetslam, plan, fewer) == ["made_up: 6 runs of a combination, 10 were planned."]
     one = results(runs=1, plan=plan)
-    assert bad(dynnetslam, plan, one) == ["made_up: 1 run in a cell, 10 were planned."]
+    assert bad(dynnetslam, plan, one) == ["made_up: 1 run of a combination, 10 were planned."]
     column = compare_paper(dynnetslam, pool_of([one]), []).columns[0]
     words = plan_words(plan_lines(dynnetslam, plan, column, [one]), plan)
     assert words.endswith("(1 thing not as planned)")
     more = PlannedRuns(experiment="not_begun", runs=30, seed=1, decides=["dynnet.O05"])
     wanted = plan_of(dynnetslam, runs=[*plan.runs, more])
     assert bad(dynnetslam, wanted, results(plan=wanted)) == [
-        "not_begun: nothing played, 30 runs a cell were planned."
+        "not_begun: nothing played, 30 runs per combination were planned."
     ]
     unused = results(plan=wanted)
     unused.folder = unused.folder.with_name("not_begun")
@@ -183,7 +183,7 @@ def test_cells_that_no_number_is_of_are_not_counted(dynnetslam: Paper) -> None:
     assert bad(dynnetslam, plan, more) == []
     few = good.runs.groupby("cell").head(6)
     assert bad(dynnetslam, plan, replace(good, runs=few)) == [
-        "made_up: 6 runs in a cell, 10 were planned."
+        "made_up: 6 runs of a combination, 10 were planned."
     ]
 
 

@@ -164,10 +164,10 @@ def test_the_powers_are_those_of_the_rules(name: str) -> None:
 def test_the_command_shows_what_is_decided() -> None:
     result = CliRunner().invoke(app, ["plan", "dynnetslam"])
     assert result.exit_code == 0, result.output
-    assert "d_t3_sine: 150 runs per cell, seed 3" in result.output
+    assert "d_t3_sine: 150 runs per combination, seed 3" in result.output
     assert "dynnet.O09 (power 0.83): Under the sine the safe zone does harm" in result.output
     later = CliRunner().invoke(app, ["plan", "cloudslam"])
-    assert "later, 5 runs per cell: live runs of c_f14_resources" in later.output
+    assert "later, 5 runs per combination: live runs of c_f14_resources" in later.output
     assert "cloudslam.O01 (power 1)" in later.output
     missing = CliRunner().invoke(app, ["plan", "peer_orbslam2"])
     assert isinstance(missing.exception, SlambedError)

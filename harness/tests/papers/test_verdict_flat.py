@@ -30,7 +30,7 @@ def test_equal_cells_hold() -> None:
 def test_one_cell_apart_is_no_flat_curve() -> None:
     found = judged([around(1.0), around(1.02), around(1.5), around(1.01)])
     assert found.outcome == "reversed"
-    assert "two cells differ by a factor of 1.50, by more than 1.2" in found.why
+    assert "two points differ by a factor of 1.50, by more than 1.2" in found.why
 
 
 @pytest.mark.parametrize("second", [1.19, 1.21])

@@ -352,11 +352,11 @@ def test_a_chance_says_on_which_spread_it_rests() -> None:
 
     measured = judged(steady, steady)
     assert (measured.outcome, measured.power) == ("not_seen", 1.0)
-    assert "in 100% of campaigns, by the spread of our runs (1.9 %)" in measured.why
+    assert "in 100% of campaigns, by the spread of our runs (1.9 %)" in measured.chance
     same = np.full(20, 55.0)
     assumed = judged(same, same)
     assert assumed.outcome == "too_few_runs" and assumed.power is not None and assumed.power < 0.5
-    assert assumed.why.endswith("% of campaigns, by an assumed spread of 20 %")
+    assert assumed.chance.endswith("% of campaigns, by an assumed spread of 20 %")
     step = Step((steady, steady), paper[::-1])
     both = judge_contrast([step, Step((same, same), paper[::-1])], 0.0)
     assert both.spread == "the spread of our runs (1.9 %), 20 % where they have none"
@@ -395,7 +395,7 @@ def test_blocks_ask_for_one_order_on_all_sequences() -> None:
     few, spread = np.full(paper.shape, 5.0), np.full(paper.shape, 0.1)
     seen = judge_blocks(mixed, paper, None, spread, few)
     assert (seen.outcome, seen.runs_needed) == ("not_seen", None)
-    assert seen.why.endswith("by the spread of our runs (10 %)")
+    assert seen.chance.endswith("by the spread of our runs (10 %)")
     wide = judge_blocks(mixed, paper, None, 10 * spread, few)
     assert wide.outcome == "too_few_runs" and wide.power is not None and wide.power < 0.9
     assert wide.runs_needed is not None and wide.runs_needed > 5

@@ -111,7 +111,7 @@ def test_nothing_in_common_is_reported() -> None:
     rng = np.random.default_rng(6)
     other = results(rng)
     other.runs["dataset"] = "office"
-    with pytest.raises(SlambedError, match="share no cell"):
+    with pytest.raises(SlambedError, match="share no combination"):
         diff(results(rng), other)
 
 
@@ -291,7 +291,7 @@ def test_two_parts_of_one_folder_are_compared(
         ([], "as in --a 'variant=conventional' --b 'variant=static'"),
         (["--a", "variant=static"], "say with --a and --b what of it to compare"),
         (["--a", "variant=static", "--b", "variant=dynamic"],
-         "--b variant=dynamic is no cell; variant: conventional, static"),
+         "--b variant=dynamic is no combination; variant: conventional, static"),
         (["--a", "variant=static", "--b", "link=rtt_0"],
          "both mean edgeslam:static n_orb 500/room_walk/rtt_0, edgeslam:static n_orb 1000/"),
         (["--a", "variant=static", "--b", "systm=edgeslam"],
@@ -320,7 +320,9 @@ def test_cells_are_never_pooled() -> None:
     a, b = results(rng), results(rng)
     a.runs["label"] = np.where(a.runs["seed"] % 2, "x: 5", "x 5")
     b.runs["label"] = "y 5"
-    with pytest.raises(SlambedError, match="A has two cells where the other side may have one: x"):
+    with pytest.raises(
+        SlambedError, match="A has two combinations where the other side may have one: x"
+    ):
         diff(a, b, NAMES)
 
 

@@ -232,14 +232,14 @@ def test_a_campaign_reads_its_runs_once_for_page_and_terminal(
     console = Console(width=220, record=True)
     show_report(experiment, console)
     assert (experiment / "report.md").is_file()
-    assert "12 runs in 4 cells, 12 valid." in console.export_text()
+    assert "12 runs in 4 combinations, 12 valid." in console.export_text()
 
 
 def test_terminal_summary_has_tables_and_the_way_to_the_page(reported: Path) -> None:
     console = Console(width=220, record=True)
     terminal_summary(reported, console)
     text = console.export_text()
-    assert "12 runs in 4 cells, 12 valid." in text
+    assert "12 runs in 4 combinations, 12 valid." in text
     assert "mobile CPU [% of a core]" in text
     assert "report/index.html" in text.replace("\n", "")
 
@@ -334,10 +334,7 @@ def test_missing_runs_of_the_plan_are_reported(experiment: Path) -> None:
 
 def test_a_report_says_once_what_is_used_instead_of_what(experiment: Path) -> None:
     content = {"experiment": {"title": "Kitchen"}, "stand_ins": {"a_room": "redkitchen"}}
-    line = (
-        "the recorded sequence (redkitchen) was not found, so a_room is used; numbers of the two "
-        "cannot be compared"
-    )
+    line = "a_room is played instead of redkitchen: numbers of the two cannot be compared"
     (experiment / "experiment.json").write_text(json.dumps(content))
     assert load(experiment).stand_ins == [line]  # results of before do not name the dataset
     content["datasets"] = {"quickstart": "a_room", "hall": "hall"}

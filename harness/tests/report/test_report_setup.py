@@ -194,7 +194,7 @@ def test_differences_are_about_the_experiments_own_metrics_and_pairs(tmp_path: P
     table = difference_table(found)
     assert {row[-1] for row in table.rows} == {"too few runs to show any"}
     assert "With 4 runs 2 of these 2 comparisons could show no difference" in table.caption
-    assert "from 7 runs per cell on they can" in table.caption
+    assert "from 7 runs per combination on they can" in table.caption
 
 
 def test_enough_pairs_show_a_difference(tmp_path: Path) -> None:

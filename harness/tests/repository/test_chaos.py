@@ -5,11 +5,14 @@ finishes it. For virtual runs, every file then has the bytes of a campaign witho
 from pathlib import Path
 
 import pytest
-from chaos_campaign import Torment
+from chaos_campaign import NODES, OF_KIND, Torment
+from chaos_faults import IN_DOCKER, MARKS
 from chaos_instants import WITHIN_ENTRIES, Instants
 from chaos_place import Place
 from harness_parts import needs_root
 from virtual_parts import needs_programs
+
+from slambed.engines.helper import CAPABILITIES, container_role
 
 FAULTS = (
     *("kill -9 harness", "kill -9 worker", "kill -9 node", "kill -9 fork server", "SIGSTOP node"),
@@ -32,6 +35,12 @@ def test_a_fast_host_meets_as_many_faults() -> None:
     assert instants.due(0.0, 8 + WITHIN_ENTRIES)
     instants.drawn(0.0, struck=False)
     assert instants.due(0.0, 8 + WITHIN_ENTRIES), "it has met nothing"
+
+
+def test_faults_of_docker_strike_every_container_of_a_run() -> None:
+    struck = {fault.target for fault, _ in OF_KIND["docker"] if fault.act in IN_DOCKER}
+    assert struck == {*NODES, *map(container_role, CAPABILITIES)}
+    assert set(CAPABILITIES) <= set(MARKS)
 
 
 @needs_programs

@@ -282,7 +282,7 @@ def test_the_same_system_on_two_datasets_is_two_cells(tmp_path: Path) -> None:
 def test_different_cells_need_different_names(tmp_path: Path) -> None:
     twin = "- {system: solo}\n  - {system: solo, params: {n_orb: 500}}"
     text = complaint(tmp_path, "- {system: solo}", twin)
-    assert "two different cells are called" in text and "labels" in text
+    assert "two different combinations are called" in text and "labels" in text
 
 
 def test_source_hash_follows_sources_but_not_tests(tmp_path: Path) -> None:

@@ -134,7 +134,7 @@ def test_a_system_has_its_own_grid_instead_of_the_experiments(tmp_path: Path) ->
         ({"label": "x {n_orbs}"}, "varies no 'n_orbs' for the label", "did you mean 'n_orb'"),
         (
             {"label": "{n_orb}", "grid": {"params.n_orb": [500], "params.sync_period_s": [1, 2]}},
-            "two different cells are called", "give them labels",
+            "two different combinations are called", "give them labels",
         ),
         ({"grid": {"link.rtt_ms": [0]}}, "cannot vary 'link.rtt_ms'", "params.<name>"),
         ({"grid": None}, "expected keys", "line 10"),
@@ -186,7 +186,7 @@ def test_one_cell_can_be_chosen_and_reported_before(tmp_path: Path) -> None:
     runs = runs_of(experiment_file(tmp_path, systems=SYSTEMS, link={"profiles": ["none"]}))
     assert chosen(runs, []) == runs
     assert {spec.cell for spec in chosen(runs, ["alone/*"])} == {"alone/room/none"}
-    with pytest.raises(SlambedError, match="is no cell; cells: alone/room/none"):
+    with pytest.raises(SlambedError, match="is no combination; combinations: alone/room/none"):
         chosen(runs, ["alone"])
     # Selected by properties: all conditions of a selection must hold; a run needs to match one
     # selection.
@@ -200,7 +200,7 @@ def test_one_cell_can_be_chosen_and_reported_before(tmp_path: Path) -> None:
         ("variant=static,system=orbslam2", "no run has all of that"),
         ("varant=static", "or KEY=VALUE of system, variant"),
     ):
-        with pytest.raises(SlambedError, match="is no cell") as error:
+        with pytest.raises(SlambedError, match="is no combination") as error:
             chosen(runs, [wrong], "--force")
         assert expected in str(error.value) and str(error.value).startswith(f"--force {wrong}")
     lines = preview(runs, RunStore(tmp_path), ("valid",), 30.0, 2)

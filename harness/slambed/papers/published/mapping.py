@@ -20,7 +20,7 @@ class PaperSystem(Strict):
 
 
 class PaperDataset(Strict):
-    """A sequence of the paper. A stand-in can show an ordering, but never a reproduction."""
+    """A sequence of the paper. A substitute can show an ordering, but never a reproduction."""
 
     label: str
     """Name of the sequence in the paper."""
@@ -32,7 +32,7 @@ class PaperDataset(Strict):
     """Seconds of it that the paper plays: a share of runs with a loss needs equal exposure."""
     each_sequence_once: bool = False
     """True for several sequences: each contributes its own mean, whatever its number of runs. Does
-    not apply to a stand-in."""
+    not apply to a substitute."""
     note: str = ""
     """What a reader must know."""
 

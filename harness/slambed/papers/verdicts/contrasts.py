@@ -74,6 +74,14 @@ class Ordering:
     parts: tuple[Part, ...] = ()
     """The outcome of each step, if there are several and all have enough runs."""
 
+    @property
+    def chance(self) -> str:
+        """Returns `power` as a sentence; empty without it."""
+        if self.power is None:
+            return ""
+        by = f", by {self.spread}" if self.spread else ""
+        return f"a difference as printed would have shown in {self.power:.0%} of campaigns{by}"
+
 
 @dataclass(frozen=True)
 class Step:
@@ -181,9 +189,9 @@ def judge_contrast(
         why = f"the paper's own numbers do not show it (p {p_paper:.2g})"
         return replace(base, outcome="not_shown_by_paper", why=why)
     if fewest == 0:
-        return replace(base, why="no run of ours in one of its cells")
+        return replace(base, why="no run of ours behind one of its numbers")
     if fewest < FEWEST_RUNS:
-        why = f"{fewest} runs in one of its cells, {FEWEST_RUNS} are the least"
+        why = f"{fewest} runs behind one of its numbers, {FEWEST_RUNS} are the least"
         needed, spread = runs_to_show(steps), _spread_of(steps)
         return replace(
             base,
@@ -221,9 +229,7 @@ def _not_shown(
 ) -> Ordering:
     """Returns the verdict if neither it nor its opposite is shown; `power` is the chance that it
     would have been, if the paper's numbers were true."""
-    by = f", by {base.spread}" if base.spread else ""
-    why = f"{reported}; a difference as printed would have shown in {power:.0%} of campaigns{by}"
-    base = replace(base, why=why, power=power)
+    base = replace(base, why=reported, power=power)
     if power >= SEEN_POWER:
         return replace(base, outcome="not_seen")
     return replace(base, outcome="too_few_runs", runs_needed=needed())
@@ -261,7 +267,7 @@ def judge_blocks(
         why = f"the paper's own numbers do not show it (p {p_paper:.2g})"
         return Ordering("not_shown_by_paper", why, formula, p_holds, p_reversed, p_paper)
     if not whole:
-        return Ordering("inconclusive", "a cell without runs of ours", formula, p_paper=p_paper)
+        return Ordering("inconclusive", "a number without runs of ours", formula, p_paper=p_paper)
     tau = float(stats.kendalltau(ours.ravel(), paper.ravel()).statistic)
     why = f"p {min(p_holds, p_reversed):.2g}, tau-b ours / paper {tau:.2f}"
     base = Ordering("inconclusive", why, formula, p_holds, p_reversed, p_paper)

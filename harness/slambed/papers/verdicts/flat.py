@@ -17,7 +17,7 @@ from slambed.papers.verdicts.contrasts import Ordering, Part, Step
 from slambed.papers.verdicts.means import ENDLESS, effect_of, margin_bound
 from slambed.papers.verdicts.model import FEWEST_RUNS, LEVEL, Floats, Mean, Share
 
-FORMULA = "ln of the ratio of every two cells, Welch's t, two one-sided tests (intersection-union)"
+FORMULA = "ln of the ratio of every two points, Welch's t, two one-sided tests (intersection-union)"
 
 
 @dataclass(frozen=True)
@@ -39,7 +39,7 @@ def judge_flat(steps: Sequence[Step], margin: float) -> Ordering:
     base = Ordering("inconclusive", "", FORMULA)
     fewest = min(step.fewest for step in steps)
     if fewest < FEWEST_RUNS:
-        why = f"{fewest} runs in one of its cells, {FEWEST_RUNS} are the least"
+        why = f"{fewest} runs behind one of its numbers, {FEWEST_RUNS} are the least"
         return replace(base, outcome="too_few_runs", why=why)
     cells = [_values(step) for step in steps]
     if min(float(cell.mean()) for chain in cells for cell in chain) <= 0:
@@ -59,7 +59,7 @@ def judge_flat(steps: Sequence[Step], margin: float) -> Ordering:
         return replace(base, outcome="holds", why=why)
     if base.p_reversed <= LEVEL:
         weakest = int(np.argmin([chain.p_apart for chain in chains]))
-        found = f"two cells differ by a factor of {np.exp(chains[weakest].farthest):.2f}"
+        found = f"two points differ by a factor of {np.exp(chains[weakest].farthest):.2f}"
         why = f"{found}, by more than {1 + margin:g} (p {base.p_reversed:.2g}, Holm)"
         return replace(base, outcome="reversed", why=why, decides=weakest)
     found = f"the farthest two differ by a factor of {np.exp(chains[weakest].farthest):.2f}"

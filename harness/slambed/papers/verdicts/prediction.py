@@ -76,7 +76,7 @@ def enough(runs: int) -> bool:
 
 @dataclass(frozen=True)
 class Score:
-    """`k of m` published cells inside our 95 % prediction intervals."""
+    """`k of m` published numbers inside our 95 % prediction intervals."""
 
     inside: int
     cells: int
@@ -87,9 +87,9 @@ class Score:
 
     def line(self) -> str:
         if not self.cells:
-            return "no published cell could be predicted out of sample"
+            return "no published number could be predicted out of sample"
         return (
-            f"{self.inside} of {self.cells} published cells inside our 95 % prediction interval "
+            f"{self.inside} of {self.cells} published numbers inside our 95 % prediction interval "
             f"(expected {EXPECTED:.0%}; p {self.p_value:.2g})"
         )
 

@@ -73,9 +73,9 @@ def _caption(counts: set[int], from_zero: bool, left_out: int) -> str:
         "Box: quartiles and median; whiskers: smallest and largest run; points: runs.": (
             max(counts) > 1
         ),
-        "A mark with its value: the only run of its cell.": 1 in counts,
+        "A mark with its value: the only run of its combination.": 1 in counts,
         "The axis does not begin at 0.": not from_zero,
-        f"{left_out} more cells are in summary.csv.": left_out > 0,
+        f"{left_out} more combinations are in summary.csv.": left_out > 0,
     }
     return " ".join(part for part, holds in parts.items() if holds)
 

@@ -110,7 +110,7 @@ def draw_tradeoff(cells: list[Cell], dataset: str, x: str, y: str, writer: Figur
             made,
             file_name("tradeoff", dataset, x, y),
             title,
-            "One point per cell with 95 % intervals; lines join the cells of a system"
+            "One point per combination with 95 % intervals; lines join those of a system"
             + (", shapes distinguish the link profiles." if len(profiles) > 1 else "."),
             pd.DataFrame(rows),
         )
