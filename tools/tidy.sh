@@ -3,7 +3,7 @@
 # tidy.sh [--changed] BUILD_FOLDER [PATTERN]: runs clang-tidy on the product as it is compiled there, without tests and
 # benchmarks, or on units whose name contains PATTERN. .clang-tidy has the checks. In a unity build a unit is several sources.
 # --changed: only units that depend on a file changed since the last commit that passed ($SLAMBED_PASSED, else what .ci/run
-# recorded), or all units if no such commit is known.
+# recorded), or all units if no such commit is known. Findings fail with the headers of GCC 12 only: newer ones cause others.
 set -euo pipefail
 
 cd "$(dirname "$0")/.."
@@ -26,5 +26,9 @@ if [ -z "$units" ] && [ -n "$base" ]; then echo "clang-tidy: no unit changed sin
 # clang does not know some of GCC's warnings and pragmas, and GCC's library has deprecations.
 xargs -P "$(nproc)" -n 1 .venv/bin/clang-tidy -p "$build" --quiet --extra-arg=-Wno-unknown-warning-option \
   --extra-arg=-Wno-unknown-pragmas --extra-arg=-Wno-deprecated-declarations <<<"$units" \
-  2> >(grep -vE '^[0-9]+ warnings?( and .*)? generated\.$' >&2) || { echo "error: clang-tidy refuses the above" >&2; exit 1; }
+  2> >(grep -vE '^[0-9]+ warnings?( and .*)? generated\.$' >&2) || {
+  if [ "$(c++ -dumpversion 2>/dev/null)" != 12 ]; then echo "note: clang-tidy found the above, with other headers than GCC 12's"; exit 0; fi
+  echo "error: clang-tidy refuses the above" >&2
+  exit 1
+}
 echo "clang-tidy: $(wc -l <<<"$units") units"

@@ -23,7 +23,7 @@ class PartMotion final : public Motion {
 
 /// A horizontal ellipse around a part's axis. `material` applies from this ring up to the next.
 struct Ring {
-  double z, radius_x, radius_y;
+  double z = 0, radius_x = 0, radius_y = 0;
   const Material* material = nullptr;
   double x = 0;  ///< of the center
 };

@@ -14,7 +14,8 @@ enum class Way { kShort, kLeft, kRight };
 
 /// One order: turn in place to a heading, turn towards a place and drive there, or stand.
 struct Order {
-  enum class Kind { kFace, kDriveTo, kStand } kind;
+  enum class Kind { kFace, kDriveTo, kStand };
+  Kind kind = Kind::kStand;
   double a = 0, b = 0;  ///< heading [deg]; x, y [m]; time [s]
   Way way = Way::kShort;
   double turn_deg_s = 36, drive_m_s = 0.32;

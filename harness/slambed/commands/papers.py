@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
+from typer.core import TyperGroup
 
 from slambed.commands.shared_options import (
     EngineOption,
@@ -39,7 +40,14 @@ def papers(context: typer.Context, results: ResultsOption = RESULTS) -> None:
         write_pages(None, results, results / PAGES, every=False)
     elif results != RESULTS:
         verb = context.invoked_subcommand
-        raise SlambedError(f"give --results after the command: slambed papers {verb} --results ...")
+        group = context.command
+        command = group.get_command(context, verb) if isinstance(group, TyperGroup) else None
+        takes = {parameter.name for parameter in command.params} if command is not None else set()
+        for option in ("results", "out"):
+            if option in takes:
+                line = f"give --{option} after the command: slambed papers {verb} --{option} ..."
+                raise SlambedError(line)
+        raise SlambedError(f"slambed papers {verb} reads no results: leave --results out")
 
 
 @app.command()

@@ -78,6 +78,10 @@ def test_results_that_are_nowhere_are_refused(tmp_path: Path) -> None:
 def test_results_before_a_command_of_papers_are_refused() -> None:
     line = refused(ExitCode.BAD_INPUT, "papers", "--results", "elsewhere", "compare", "dynnetslam")
     assert "slambed papers compare --results ..." in line
+    line = refused(ExitCode.BAD_INPUT, "papers", "--results", "elsewhere", "kept")
+    assert "slambed papers kept --out ..." in line
+    line = refused(ExitCode.BAD_INPUT, "papers", "--results", "elsewhere", "lint")
+    assert "slambed papers lint reads no results" in line
 
 
 REAL = """\
