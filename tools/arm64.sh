@@ -1,8 +1,8 @@
 #!/bin/bash
 # SPDX-License-Identifier: Apache-2.0
-# arm64.sh FOLDER [test] [same] [image] [wheel]: compiles programs and C++ tests for arm64, with Debian's cross-compiler in a
-# bare Debian 12 that it makes in FOLDER (tools/root.sh). The programs are in FOLDER/slambed/build/bin. Then, all if none is named:
-# - test: runs all C++ tests that need no real time, under QEMU's emulation (an hour on two cores);
+# arm64.sh FOLDER [test] [same] [image] [wheel]: compiles the programs for arm64, with Debian's cross-compiler in a bare Debian 12
+# that it makes in FOLDER (tools/root.sh). The programs are in FOLDER/slambed/build/bin. Then, all if none is named:
+# - test: compiles the C++ tests too, and runs those that need no real time under QEMU's emulation (an hour on two cores);
 # - same: plays a frame-by-frame run, 20 virtual runs and the quickstart with the programs of this architecture (build/bin) and
 #   of arm64, and compares the bytes;
 # - image: makes the node image slambed-node:HASH-arm64, which `slambed run` copies to boards of that architecture.
@@ -12,8 +12,8 @@ set -euo pipefail
 
 # In the Debian: arm64.sh --inside HASH [test].
 if [ "${1:-}" = --inside ]; then
-  cmake -S . -B build -G Ninja -DCMAKE_TOOLCHAIN_FILE=cmake/aarch64.cmake -DSLAMBED_STATIC=ON -DSLAMBED_UNITY=ON >cmake.log ||
-    { tail -n 20 cmake.log >&2; exit 1; }
+  cmake -S . -B build -G Ninja -DCMAKE_TOOLCHAIN_FILE=cmake/aarch64.cmake -DSLAMBED_STATIC=ON -DSLAMBED_UNITY=ON \
+    -DSLAMBED_TESTS="$([ "${3:-}" = test ] && echo ON || echo OFF)" >cmake.log || { tail -n 20 cmake.log >&2; exit 1; }
   ninja -C build --quiet
   echo "$2" >build/bin/sources.sha256
   [ "${3:-}" != test ] ||

@@ -48,7 +48,8 @@ else
 fi
 rm -f "$settings"
 mkdir -p "$folder/slambed/results" "$folder/run/lock"
-mounts='mount -t proc proc "$0/proc"; mount --rbind /dev "$0/dev"; mount --rbind /sys "$0/sys"; mount --bind /run/lock "$0/run/lock"'
+# A root that is no mount point could have no namespaces of its own inside, which tests of several hosts need.
+mounts='mount --bind "$0" "$0"; mount -t proc proc "$0/proc"; mount --rbind /dev "$0/dev"; mount --rbind /sys "$0/sys"; mount --bind /run/lock "$0/run/lock"'
 caches=("${CCACHE_DIR:-$HOME/.cache/ccache}" "${PIP_CACHE_DIR:-$HOME/.cache/pip}")
 mkdir -p "${caches[@]}" "$folder/root/.cache/ccache" "$folder/root/.cache/pip"
 mounts+='; mount --bind "$1" "$0/root/.cache/ccache"; mount --bind "$2" "$0/root/.cache/pip"; shift 2'

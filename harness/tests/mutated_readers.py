@@ -359,7 +359,8 @@ def _written(kind: str, messages: list[Said]) -> Files:
             return {"data/walk.mcap": next(path.glob("*.mcap")).read_bytes()}
         if kind == "bag_ros2":
             for database in path.glob("*.db3"):
-                with sqlite3.connect(database) as connection:
+                # Its own `with` would leave it open.
+                with contextlib.closing(sqlite3.connect(database)) as connection:
                     connection.execute("PRAGMA journal_mode=DELETE")
         return {f"data/walk/{file.name}": file.read_bytes() for file in sorted(path.iterdir())}
 

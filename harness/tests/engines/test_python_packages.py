@@ -94,12 +94,13 @@ def test_what_an_interrupted_installation_left_is_made_again(tmp_path: Path) -> 
 
 
 def test_a_package_that_cannot_be_had_is_one_line_and_leaves_nothing(tmp_path: Path) -> None:
-    python = PythonPackages(requires=[f"tiny-slam @ {(tmp_path / 'none.whl').as_uri()}"])
+    wheel = tmp_path / "tiny_slam-1.0-py3-none-any.whl"
+    python = PythonPackages(requires=[f"tiny-slam @ {wheel.as_uri()}"])
     with pytest.raises(SlambedError) as refused:
         make_environment(python, tmp_path / "mine", quiet)
     assert refused.value.code == ExitCode.ENVIRONMENT
     line = str(refused.value)
-    assert "packages of mine cannot be installed" in line and "none.whl" in line
+    assert "packages of mine cannot be installed" in line and wheel.name in line
     assert "\n" not in line
     assert not find_environment(python, tmp_path / "mine").folder.exists()
 

@@ -70,7 +70,11 @@ def play(folder: Path, tests: str, *options: str) -> str:
 
 
 def began(folder: Path) -> dict[str, int]:
-    return {path.name: path.stat().st_size for path in folder.iterdir() if path.suffix == ""}
+    return {
+        path.name: path.stat().st_size
+        for path in folder.iterdir()
+        if path.is_file() and path.suffix == ""
+    }
 
 
 SPOILED = """
