@@ -119,14 +119,15 @@ def unnamed_by_reason(results: Path) -> dict[Reason, set[str]]:
 
 def _is_taken_out(spec: KeptSpec, runs: list[dict[str, Any]]) -> bool:
     """Returns whether neither the plan nor the experiment's file has the system of a run in this
-    variant. Settings may have taken it out of the plan alone."""
+    variant. Settings may have taken it out of the plan alone, so a file that cannot be read leaves
+    it open, and the answer is no."""
     own = spec.system, spec.variant
     if any((run.get("system"), run.get("variant")) == own for run in runs):
         return False
     try:
         experiment, _ = Library().experiment(str(spec.experiment))
-    except SlambedError:  # a file elsewhere, or one that is gone or wrong
-        return True
+    except SlambedError:  # a file outside the library, or one that is gone or wrong
+        return False
     choices = [(choice.system, choice.variant) for choice in experiment.systems]
     return not {own, (spec.system, None)} & set(choices)
 

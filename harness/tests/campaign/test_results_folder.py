@@ -16,6 +16,7 @@ from slambed.campaign.folder import ResultFolder
 from slambed.campaign.ledger import Ledger
 from slambed.campaign.runs_beyond_plan import valid_repetitions
 from slambed.campaign.status import status_of
+from slambed.campaign.store import RunStore
 from slambed.errors import ExitCode, SlambedError
 from slambed.spec.library import Library
 from slambed.spec.run_spec import RunSpec
@@ -180,40 +181,47 @@ def test_what_no_plan_names_can_be_freed(tmp_path: Path) -> None:
     assert "is not whole" in refused(ExitCode.BAD_INPUT, "results", "prune", "--yes", *place)
 
 
-def test_runs_made_with_other_settings_stay_unless_they_are_meant(tmp_path: Path) -> None:
-    folder = ResultFolder(tmp_path / "tiny")
+def kept_runs(results: Path, experiment: str, planned: RunSpec, *others: RunSpec) -> RunStore:
+    """Makes an experiment's folder in which all these runs are finished and one is planned."""
+    folder = ResultFolder(results / experiment)
     folder.create()
-    planned = run_spec()
-    with_set, older = run_spec(params={"x": 7}), run_spec(software="older")
-    gone = run_spec(experiment="gone", seed=9)
-    for spec in (planned, with_set, older, gone):
+    for spec in (planned, *others):
         finished(folder, spec)
     listed = {"run_key": planned.run_key, **planned.model_dump(mode="json")}
     folder.write_json("experiment.json", {"runs": [listed]})
     folder.close()
-    place = ("--results", str(tmp_path))
-    code, out, err = slambed("results", "prune", *place)
+    return folder.store
+
+
+def pruned(results: Path, *options: str) -> list[str]:
+    """Returns what `results prune` prints, without sizes."""
+    code, out, err = slambed("results", "prune", *options, "--results", str(results))
     assert code == ExitCode.OK, err
-    lines = [re.sub(r"[0-9.]+ MB", "MB", line) for line in out.splitlines()]
-    assert lines == [
+    return [re.sub(r"[0-9.]+ MB", "MB", line) for line in out.splitlines()]
+
+
+def test_runs_made_with_other_settings_stay_unless_they_are_meant(tmp_path: Path) -> None:
+    planned = run_spec()
+    with_set, older = run_spec(params={"x": 7}), run_spec(software="older")
+    gone = run_spec(experiment="gone", seed=9)
+    store = kept_runs(tmp_path, "tiny", planned, with_set, older, gone)
+    assert pruned(tmp_path) == [
         "gone, which has no plan here: 1 runs, MB",
         "tiny, made with other settings than those of its last plan: 1 runs, MB; "
         "they stay without --other-settings",
         "tiny, of other sources: 1 runs, MB",
         "would remove 2 runs, MB; give --yes to do it",
     ]
-    assert slambed("results", "prune", "--yes", *place)[0] == ExitCode.OK
-    assert folder.store.keys() == sorted([planned.run_key, with_set.run_key])
-    assert slambed("results", "prune", "--other-settings", "--yes", *place)[0] == ExitCode.OK
-    assert folder.store.keys() == [planned.run_key]
+    pruned(tmp_path, "--yes")
+    assert store.keys() == sorted([planned.run_key, with_set.run_key])
+    pruned(tmp_path, "--other-settings", "--yes")
+    assert store.keys() == [planned.run_key]
 
 
 def test_runs_of_a_system_that_the_experiment_no_longer_names_are_told_as_that(
     tmp_path: Path,
 ) -> None:
     """The plan has the same system in another variant, and the file names neither."""
-    folder = ResultFolder(tmp_path / "quickstart")
-    folder.create()
     planned = run_spec(experiment="quickstart")
     gone = run_spec(experiment="quickstart", variant="former")
     with_set = run_spec(experiment="quickstart", params={"x": 7})
@@ -221,22 +229,26 @@ def test_runs_of_a_system_that_the_experiment_no_longer_names_are_told_as_that(
     in_file = run_spec(
         experiment="quickstart", system=choice.system, variant=choice.variant or "any"
     )
-    for spec in (planned, gone, with_set, in_file):
-        finished(folder, spec)
-    listed = {"run_key": planned.run_key, **planned.model_dump(mode="json")}
-    folder.write_json("experiment.json", {"runs": [listed]})
-    folder.close()
-    place = ("--results", str(tmp_path))
-    code, out, err = slambed("results", "prune", *place)
-    assert code == ExitCode.OK, err
-    settings, system, _ = (re.sub(r"[0-9.]+ MB", "MB", line) for line in out.splitlines())
+    store = kept_runs(tmp_path, "quickstart", planned, gone, with_set, in_file)
+    settings, system, _ = pruned(tmp_path)
     assert settings.startswith(
         "quickstart, made with other settings than those of its last plan: 2"
     )
     name = f"{gone.system}:former"
     assert system == f"quickstart, of {name}, which the experiment no longer names: 1 runs, MB"
-    assert slambed("results", "prune", "--yes", *place)[0] == ExitCode.OK
-    assert folder.store.keys() == sorted(s.run_key for s in (planned, with_set, in_file))
+    pruned(tmp_path, "--yes")
+    assert store.keys() == sorted(s.run_key for s in (planned, with_set, in_file))
+
+
+def test_runs_of_a_system_in_no_plan_stay_where_the_experiments_file_is_unknown(
+    tmp_path: Path,
+) -> None:
+    """The file may still name the system: `--set systems=...` takes it out of the plan alone."""
+    planned, other = run_spec(experiment="mine"), run_spec(experiment="mine", variant="former")
+    store = kept_runs(tmp_path, "mine", planned, other)
+    settings, _ = pruned(tmp_path, "--yes")
+    assert "made with other settings than those of its last plan: 1" in settings
+    assert store.keys() == sorted([planned.run_key, other.run_key])
 
 
 def test_status_of_nothing_says_how_to_begin(tmp_path: Path) -> None:
