@@ -2,6 +2,7 @@
 """`slambed explain`."""
 
 from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -82,7 +83,17 @@ def explain(
     from slambed.explain.story import story
     from slambed.metrics.losses import sentence
 
-    folder = find_run(run, results, only or ())
+    if (experiment := experiment_named(run, results)) is not None:
+        median = median_run_of(experiment, only or ())
+        typer.echo(f"run {median.key}: the median of {median.among} of {median.cell}")
+        folder = median.folder
+    elif only:
+        raise SlambedError(
+            f"--only picks a run of an experiment, and '{run}' is none in {results}; give the "
+            "experiment's name, or the run without --only"
+        )
+    else:
+        folder = find_run(run, results)
     if count is not None:
         if path or rerun or any(given is not None for given in (output, begin, end, around)):
             raise SlambedError("--slowest draws nothing; give it alone")
@@ -113,22 +124,31 @@ def explain(
     typer.echo(f"picture of {window.begin_s:.1f} to {window.end_s:.1f} s: {target}")
 
 
-def find_run(run: str, results: Path, only: Sequence[str] = ()) -> Path:
-    """Returns a run folder by its path, its key, the beginning of its key, or the name of its
-    experiment and a selection.
+@dataclass(frozen=True)
+class MedianRun:
+    """The run that stands for a combination."""
+
+    folder: Path
+    key: str
+    among: int
+    """Number of valid runs with events."""
+    cell: str
+    """Name of the combination."""
+
+
+def experiment_named(run: str, results: Path) -> Path | None:
+    """Returns the folder of the experiment with this path or name; None if there is none."""
+    places = (Path(run), results / Path(run).stem)
+    return next((place for place in places if (place / "runs").is_dir()), None)
+
+
+def find_run(run: str, results: Path) -> Path:
+    """Returns a run folder by its path, its key, or the beginning of its key.
 
     Prefers the link inside an experiment's folder and does not resolve it, so that the path leads
     to the experiment. A run that several experiments share counts once. Raises SlambedError when no
     run or several match.
     """
-    for experiment in (Path(run), results / Path(run).stem):
-        if (experiment / "runs").is_dir():
-            return median_run_of(experiment, only)
-    if only:
-        raise SlambedError(
-            f"--only picks a run of an experiment, and '{run}' is none in {results}; give the "
-            "experiment's name, or the run without --only"
-        )
     if (folder := Path(run)).is_dir():
         return folder.absolute()
     if len(run) >= LEAST_DIGITS:
@@ -148,10 +168,9 @@ def find_run(run: str, results: Path, only: Sequence[str] = ()) -> Path:
     )
 
 
-def median_run_of(experiment: Path, only: Sequence[str]) -> Path:
-    """Returns the folder of the run that the report shows for the selected combination, and prints
-    which it is. Raises SlambedError when the selection leaves several combinations, or no valid run
-    with events."""
+def median_run_of(experiment: Path, only: Sequence[str]) -> MedianRun:
+    """Returns the run that the report shows for the selected combination. Raises SlambedError when
+    the selection leaves several combinations, or no valid run with events."""
     from slambed.report.conditions import median_run
     from slambed.report.kept_events import with_events
     from slambed.report.load import load
@@ -168,8 +187,7 @@ def median_run_of(experiment: Path, only: Sequence[str]) -> Path:
     explained = with_events(runs, runs.valid_runs)
     if (key := median_run(explained)) is None:
         raise SlambedError(f"{experiment}: no valid run of {', '.join(cells) or 'it'} has events")
-    typer.echo(f"run {key}: the median of {len(explained)} of {cells[0]}")
-    return runs.run_dir(key).absolute()
+    return MedianRun(runs.run_dir(key).absolute(), key, len(explained), cells[0])
 
 
 def draw_path(folder: Path, out: Path, rerun: bool, sequence: Path | None) -> Iterator[Path]:
