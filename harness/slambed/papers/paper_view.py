@@ -3,7 +3,7 @@
 runs."""
 
 from collections import Counter
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import lru_cache
 
 from slambed.data.download import how_to_get
@@ -228,16 +228,29 @@ def _undecided(row: Judged) -> str:
 
 
 @dataclass(frozen=True)
-class Headline:
-    """What was learnt: a short sentence, and the counts that it leaves out."""
+class CountLine:
+    """A count, and lines about single items that it counts."""
 
     says: str
-    rest: list[str]
+    single: list[str] = field(default_factory=list)
 
     @property
     def lines(self) -> list[str]:
         """Returns both for the terminal."""
-        return [self.says, *(f"- {item}" for item in self.rest)]
+        return [f"- {self.says}", *(f"  - {line}" for line in self.single)]
+
+
+@dataclass(frozen=True)
+class Headline:
+    """What was learnt: a short sentence, and the counts that it leaves out."""
+
+    says: str
+    rest: list[CountLine]
+
+    @property
+    def lines(self) -> list[str]:
+        """Returns both for the terminal."""
+        return [self.says, *(line for item in self.rest for line in item.lines)]
 
 
 def headline(verdicts: PaperVerdicts, column: Column) -> list[Headline]:
@@ -301,12 +314,14 @@ def is_generated(dataset: str) -> bool:
 def _outcomes(items: list[JudgedOrdering]) -> Headline:
     """Returns `On generated sequences 11 of 24 orderings hold.`, and the other outcomes."""
     counts = Counter(outcome_of(item) for item in items)
-    rest: list[str] = []
-    for group, words in OUTCOME_WORDS.items():
-        if counts[group] and group != "hold":
-            rest.append(f"{counts[group]} {words[counts[group] > 1]}")
-        if group == "unshown":
-            rest += _unshown(items)
+    rest = [
+        CountLine(
+            f"{counts[group]} {words[counts[group] > 1]}",
+            _unshown(items) if group == "unshown" else [],
+        )
+        for group, words in OUTCOME_WORDS.items()
+        if counts[group] and group != "hold"
+    ]
     holding = f"{counts['hold'] or 'none'} of {_many(len(items), 'ordering')}"
     if len(items) == 1:
         holding = "one ordering" if counts["hold"] else "no ordering"
@@ -316,10 +331,8 @@ def _outcomes(items: list[JudgedOrdering]) -> Headline:
 def _unshown(items: list[JudgedOrdering]) -> list[str]:
     """Returns what ours show of each ordering that the paper's own numbers do not show; nothing
     where they show nothing either."""
-    several = sum(outcome_of(item) == "unshown" for item in items) > 1
     return [
-        f'{"of these, " if several else ""}"{item.contrast.says}" '
-        f"({item.contrast.id.partition('.')[2]}), {item.holding}"
+        f'"{item.contrast.says}" ({item.contrast.id.partition(".")[2]}), {item.holding}'
         for item in items
         if item.unshown in ("holds", "reversed")
     ]
@@ -347,7 +360,11 @@ def _numbers(verdicts: PaperVerdicts, column: Column) -> Headline:
         (counted.groups["setting"], "is a setting or repeated", "are settings or repeated"),
         (counted.groups["none"], f"has none of ours: {because}", f"have none of ours: {because}"),
     )
-    rest = [f"{number} {many if number > 1 else one}" for number, one, many in found if number]
+    rest = [
+        CountLine(f"{number} {many if number > 1 else one}")
+        for number, one, many in found
+        if number
+    ]
     verb = "are" if judged > 1 else "is"
     says = f"Of {counted.printed} printed numbers {judged or 'none'} {verb} judged"
     parts = ((marks["R"], "reproduced"), (marks["D"], "different"), (marks["I"], "open"))

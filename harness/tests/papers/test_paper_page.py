@@ -159,10 +159,11 @@ def test_what_holds_without_being_evidence_looks_like_none(page: PaperPage) -> N
         assert reported.says.startswith(
             "On the paper's own sequences" if name == "fitted" else "On generated sequences"
         )
-        assert ("numbers set to match" in " ".join(reported.rest)) == (name == "fitted")
+        counted = [item.says for item in reported.rest]
+        assert ("numbers set to match" in " ".join(counted)) == (name == "fitted")
         outcomes = [outcome_of(item) for item in column.orderings]
-        counted = [line for line in reported.lines if not line.startswith(("- of these", '- "'))]
-        assert sum(map(int, re.findall(r"\d+", " ".join(counted)))) == 2 * len(outcomes)
+        counts = re.findall(r"\d+", " ".join([reported.says, *counted]))
+        assert sum(map(int, counts)) == 2 * len(outcomes)
     assert found == {
         "stand-in": ("HOLDS ON A SUBSTITUTE SEQUENCE", "holds weak"),
         "half": ("NOT ALL RUN", "half_run"),
@@ -181,11 +182,11 @@ def test_where_nothing_could_be_compared_nothing_is_said_to_agree_or_differ(
     marks = column.marks(list(column.rows))
     assert not marks["R"] + marks["D"] + marks["I"]
     assert reported.says == "Of 163 printed numbers none is judged."
-    assert reported.rest[:2] == [
+    assert [item.says for item in reported.rest[:2]] == [
         f"{marks['S']} are shown beside ours, not judged",
         f"{marks['P']} are settings or repeated",
     ]
-    assert sum(int(line.split()[0]) for line in reported.rest) == 163
+    assert sum(int(item.says.split()[0]) for item in reported.rest) == 163
     lines = " ".join(terminal_lines(verdicts, [stand_in]))
     for word in ("reproduced", "differ", "inconclusive"):
         assert word not in " ".join(reported.lines) and f"0 {word}" not in lines
@@ -197,7 +198,7 @@ def test_where_nothing_could_be_compared_nothing_is_said_to_agree_or_differ(
     )
     assert found is not None
     judged, *parts = map(int, found.groups())
-    assert judged == sum(parts) == 163 - sum(int(line.split()[0]) for line in reported.rest)
+    assert judged == sum(parts) == 163 - sum(int(item.says.split()[0]) for item in reported.rest)
 
 
 def test_of_several_pairs_those_that_do_not_hold_are_named(
@@ -220,7 +221,7 @@ def test_of_several_pairs_those_that_do_not_hold_are_named(
     assert entry.count("<li>") == 4 and entry.index("not shown") < entry.index("<li>holds")
     assert re.search("<b>NOT SHOWN BY OURS</b>: our runs do not show it .* at least 90 %", html)
     headline = paper_view.headline(page.verdicts, page.verdicts.columns[0])[0]
-    assert any(" not shown by ours" in line for line in headline.rest)
+    assert any(" not shown by ours" in item.says for item in headline.rest)
     reported = next(
         line
         for line in page.lines
@@ -255,16 +256,19 @@ def test_what_the_paper_does_not_show_does_not_hide_what_ours_show(
         more = html[html.index("<summary>1 more ordering of the paper</summary>") :]
         assert '<li id="dynnet.O03">' in more.partition("</section>")[0]
         found = paper_view.headline(page.verdicts, column)[0]
-        assert all(f"<li>{escape(line)}</li>" in html for line in found.rest)
-        assert f"- {found.rest[-1]}" in page.lines
-        return found.rest, groups.get("unshown", []), html
+        for item in found.rest:
+            assert f"<li>{escape(item.says)}" in html and f"- {item.says}" in page.lines
+            for line in item.single:
+                assert f"<li>{escape(line)}</li>" in html and f"  - {line}" in page.lines
+        lines = [line for item in found.rest for line in item.lines]
+        return lines, groups.get("unshown", []), html
 
     mixed = {"conventional": [60, 60, 60, 5, 5], "static": [5, 5, 30, 60, 60]}
     headline, groups, html = shown(mixed, "mixed")
     both = "ours: holds in 2 and reversed in 3 of 5 pairs"
     assert groups == [both] and f"<b>{both}</b>" in html
-    unshown = "1 is not shown by the paper's own numbers"
-    assert headline == [unshown, f'"{turned.says}" (O03), {both}']
+    unshown = "- 1 is not shown by the paper's own numbers"
+    assert headline == [unshown, f'  - "{turned.says}" (O03), {both}']
 
     headline, groups, _ = shown({"conventional": [5] * 5, "static": [60] * 5}, "holding")
     assert groups == ["ours: holds"] and headline[-1].endswith("(O03), ours: holds")
