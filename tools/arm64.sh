@@ -58,6 +58,7 @@ if [[ $wanted == *" image "* ]]; then
   for program in $programs; do aarch64-linux-gnu-strip -o "$context/$program" "$build/bin/$program"; done
   DOCKER_BUILDKIT=0 docker build --quiet --label "slambed.image=slambed-node:$hash-arm64" --build-arg "BASE=$base" \
     -t "slambed-node:$hash-arm64" -f docker/programs.Dockerfile "$context"
+  python3 tools/label_image.py "slambed-node:$hash-arm64" arm64
 fi
 if [[ $wanted == *" wheel "* ]]; then
   STRIP=aarch64-linux-gnu-strip SLAMBED_WHEEL_MACHINE=aarch64 bash tools/wheel.sh "$build" "$build/dist"

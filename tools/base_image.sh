@@ -28,7 +28,9 @@ if [ -z "$architecture" ]; then
   echo "cannot pull $image: making it with debootstrap (about a minute)"
 fi
 if [ "$(id -u)" -ne 0 ]; then
-  echo "error: debootstrap needs root, $image cannot be pulled; run 'sudo make images'" >&2
+  why="$image cannot be pulled; run 'sudo make images'"
+  if [ -n "$architecture" ]; then why="which makes $image"; fi
+  echo "error: debootstrap needs root, $why" >&2
   exit 3
 fi
 bash "$(dirname "$0")/setup.sh" image
@@ -50,4 +52,5 @@ thrice make_system || {
 rm -f "$folder.log"
 # apt's caches would only make the image larger.
 rm -rf "$folder"/var/cache/apt/archives/*.deb "$folder"/var/lib/apt/lists/*
-tar -C "$folder" -c . | docker import ${architecture:+--platform "linux/$architecture"} - "$image"
+# Docker labels it with this machine's architecture: tools/label_image.py corrects that in what is built on it.
+tar -C "$folder" -c . | docker import - "$image"
