@@ -27,7 +27,8 @@ if [ -z "$units" ] && [ -n "$base" ]; then echo "clang-tidy: no unit changed sin
 xargs -P "$(nproc)" -n 1 .venv/bin/clang-tidy -p "$build" --quiet --extra-arg=-Wno-unknown-warning-option \
   --extra-arg=-Wno-unknown-pragmas --extra-arg=-Wno-deprecated-declarations <<<"$units" \
   2> >(grep -vE '^[0-9]+ warnings?( and .*)? generated\.$' >&2) || {
-  if [ "$(c++ -dumpversion 2>/dev/null)" != 12 ]; then echo "note: clang-tidy found the above, with other headers than GCC 12's"; exit 0; fi
+  compiler=$(sed -n 's/^CMAKE_CXX_COMPILER:[A-Z]*=//p' "$build/CMakeCache.txt")
+  if [ "$("$compiler" -dumpversion)" != 12 ]; then echo "note: clang-tidy found the above, with other headers than GCC 12's"; exit 0; fi
   echo "error: clang-tidy refuses the above" >&2
   exit 1
 }
