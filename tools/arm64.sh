@@ -17,7 +17,7 @@ if [ "${1:-}" = --inside ]; then
   ninja -C build --quiet
   echo "$2" >build/bin/sources.sha256
   [ "${3:-}" != test ] ||
-    ctest --test-dir build --label-exclude live --parallel "$(nproc)" --output-on-failure --timeout 3000
+    ctest --test-dir build --label-exclude live --parallel "$(nproc)" --output-on-failure
   exit 0
 fi
 
