@@ -26,14 +26,14 @@ logged() {
 
 # start_lane NAME LIMIT_S FUNCTION: runs the steps of an exported function in the background, in its own session, because
 # kernels divide CPUs among sessions before they look at priorities. wait_for_lane shows its output. The lane is terminated
-# after LIMIT_S.
+# after LIMIT_S. It does not inherit the lock of test.sh (9), which a program that it leaves behind would hold.
 start_lane() {
   local name=$1 limit_s=${SLAMBED_LANE_LIMIT_S:-$2}
   mkdir -p "$logs/standing/$name"
   echo "$limit_s" >"$logs/limit_$name"
   # Created here, because a reader may start before the lane does.
   : >"$logs/lane_$name"
-  SLAMBED_STANDING=$logs/standing/$name setsid timeout --verbose --kill-after=${SLAMBED_KILL_AFTER_S:-30} "$limit_s" bash -c "$3" >>"$logs/lane_$name" 2>&1 &
+  SLAMBED_STANDING=$logs/standing/$name setsid timeout --verbose --kill-after=${SLAMBED_KILL_AFTER_S:-30} "$limit_s" bash -c "$3" >>"$logs/lane_$name" 2>&1 9<&- &
   lanes+=($!)
   echo $! >"$logs/pid_$name"
 }

@@ -21,6 +21,12 @@ fi
 if [ -n "$(git status --porcelain 2>/dev/null)" ]; then
   echo "note: this tests the files as they are here: $(git status --porcelain | wc -l) of them are changed and not committed"
 fi
+# Two suites on one host would remove each other's containers, and each would make the other's live tests late.
+exec 9</tmp
+if ! flock --nonblock 9; then
+  echo "waiting: the tests of another checkout run on this host"
+  flock 9
+fi
 
 # Warnings are errors only with GCC 12, because other compilers may warn of more.
 werror=OFF
