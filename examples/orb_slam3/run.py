@@ -69,8 +69,9 @@ def settings_of(client: Client) -> str:
     return "%YAML:1.0\n" + "".join(f"{key}: {value}\n" for key, value in text.items())
 
 
-def final_poses(slam: Slam, client: Client, times_s: dict[float, int]) -> None:
-    """Sends the corrected poses of all frames, as ORB-SLAM3 leaves them after its end."""
+def final_poses(slam: Slam, client: Client, times_s: dict[float, int], tracked: set[int]) -> None:
+    """Sends the corrected poses of all tracked frames, as ORB-SLAM3 leaves them after its end. Its
+    file also has frames in which it was about to lose track."""
     file = OUTPUT / "orb_slam3.txt"
     slam.save_trajectory_tum(str(file))
     if not file.is_file():
@@ -78,7 +79,8 @@ def final_poses(slam: Slam, client: Client, times_s: dict[float, int]) -> None:
     stamps = np.array(sorted(times_s))
     for row in np.loadtxt(file, ndmin=2):
         nearest = stamps[np.argmin(abs(stamps - row[0]))]
-        client.final(times_s[nearest], matrix_of(row[1:]))
+        if (frame := times_s[nearest]) in tracked:
+            client.final(frame, matrix_of(row[1:]))
 
 
 def matrix_of(pose: np.ndarray) -> np.ndarray:
@@ -104,7 +106,8 @@ def main() -> None:
     words.unlink(missing_ok=True)
     client.ready()
     client.event("loaded", seconds=time.monotonic() - began)
-    times_s = {}
+    times_s: dict[float, int] = {}
+    tracked: set[int] = set()
     for frame in client:
         times_s[frame.seq_s] = frame.index
         if client.sensor == "rgbd":
@@ -115,13 +118,14 @@ def main() -> None:
         else:
             found = slam.track_monocular(frame.gray, frame.seq_s)
         if found.state in TRACKED and found.pose_valid:
+            tracked.add(frame.index)
             client.pose(frame, found.pose_wc, inliers=found.num_tracked_points)
         elif found.state in WITHOUT_MAP:
             client.not_initialized(frame)
         else:
             client.lost(frame)
     slam.shutdown()
-    final_poses(slam, client, times_s)
+    final_poses(slam, client, times_s, tracked)
     client.close()
 
 

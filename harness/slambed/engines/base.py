@@ -5,7 +5,7 @@ and ends it."""
 import os
 import select
 import signal
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
@@ -188,9 +188,12 @@ class Engine(Protocol):
         """Starts a segmenter next to the edge node of this plan, which waits at the start
         barrier. Its only connection is a socket."""
 
-    def sidecar_command(self, module: str, writable: list[Path]) -> list[str]:
+    def sidecar_command(
+        self, module: str, writable: list[Path], readable: Sequence[Path] = ()
+    ) -> list[str]:
         """Returns the command that runs a module of slambed as a sidecar of the running nodes,
-        with the privileges it needs. It may write to these files and folders."""
+        with the privileges it needs. It may write to the files and folders in `writable`, and read
+        those in `readable`."""
 
 
 def netns(pid: int) -> Path:

@@ -3,6 +3,7 @@
 
 import contextlib
 import os
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -282,7 +283,9 @@ class DockerEngine(ThisHostEngine):
         self._nodes[plan.role] = node
         return node
 
-    def sidecar_command(self, module: str, writable: list[Path]) -> list[str]:
+    def sidecar_command(
+        self, module: str, writable: list[Path], readable: Sequence[Path] = ()
+    ) -> list[str]:
         """Returns a child process command for root, otherwise a helper container."""
         if not self.unprivileged:
             return direct_command(module)
@@ -290,7 +293,7 @@ class DockerEngine(ThisHostEngine):
         namespaces = {str(role): node.sandbox for role, node in self._nodes.items()}
         helper = Helper(str(self._image.id), self._run_key, namespaces)
         self._clear(helper.container(module))
-        return helper.command(module, writable)
+        return helper.command(module, writable, readable)
 
     def _clear(self, name: str) -> str:
         """Makes the name available: the daemon may have been unreachable when a failed attempt

@@ -7,6 +7,7 @@ results. It has only the capabilities that its module needs, and ends with its s
 
 import os
 import sys
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -37,7 +38,7 @@ class Helper:
         """Returns the container's name, which is unique per module and run."""
         return f"{LABEL}-{self.run_key}-{container_role(module)}"
 
-    def command(self, module: str, writable: list[Path]) -> list[str]:
+    def command(self, module: str, writable: list[Path], readable: Sequence[Path]) -> list[str]:
         """Returns the `docker run` command for a module of this package."""
         capabilities = [part for c in CAPABILITIES[module] for part in ("--cap-add", c)]
         return [
@@ -51,14 +52,14 @@ class Helper:
             # The nodes' TCP settings are in /proc/sys.
             *("--security-opt", "systempaths=unconfined", "--security-opt", "apparmor=unconfined"),
             *("--device", "/dev/net/tun"),
-            *self._volumes(writable),
+            *self._volumes(writable, readable),
             *("--env", f"PYTHONPATH={_package_folder()}", "--env", f"SLAMBED_BIN={_programs()}"),
             *("--env", "PYTHONDONTWRITEBYTECODE=1", "--env", "HOME=/tmp", "--tmpfs", "/tmp"),
             *("--entrypoint", sys.executable, self.image_id, "-m", module),
         ]
 
-    def _volumes(self, writable: list[Path]) -> list[str]:
-        bound = read_only([*host_python(), _programs()])
+    def _volumes(self, writable: list[Path], readable: Sequence[Path]) -> list[str]:
+        bound = read_only([*host_python(), _programs(), *readable])
         bound += [f"{path}:{path}" for path in writable]
         bound += [f"{file}:{NAMESPACES / role}:ro" for role, file in self.namespaces.items()]
         bound.append("/sys/fs/cgroup:/sys/fs/cgroup")

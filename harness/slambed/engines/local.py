@@ -7,6 +7,7 @@ import select
 import signal
 import subprocess
 import sys
+from collections.abc import Sequence
 from pathlib import Path
 
 from slambed.engines import launcher
@@ -152,7 +153,9 @@ class LocalEngine(ThisHostEngine):
         """Returns nothing: programs run on this host."""
         return {}
 
-    def sidecar_command(self, module: str, writable: list[Path]) -> list[str]:
+    def sidecar_command(
+        self, module: str, writable: list[Path], readable: Sequence[Path] = ()
+    ) -> list[str]:
         """Returns a child process command, since this process is root."""
         return direct_command(module)
 

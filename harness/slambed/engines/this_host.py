@@ -4,6 +4,7 @@
 import json
 import os
 from abc import ABC, abstractmethod
+from collections.abc import Sequence
 from pathlib import Path
 
 from slambed.engines.base import Node, Sidecar, allot_cpus
@@ -30,7 +31,9 @@ class ThisHostEngine(ABC):
     start_ahead_s = START_AHEAD_S
 
     @abstractmethod
-    def sidecar_command(self, module: str, writable: list[Path]) -> list[str]:
+    def sidecar_command(
+        self, module: str, writable: list[Path], readable: Sequence[Path] = ()
+    ) -> list[str]:
         """See `Engine`."""
 
     def allot(self, limits: dict[Role, Limits]) -> dict[Role, list[int]]:

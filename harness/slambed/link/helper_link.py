@@ -2,6 +2,7 @@
 """The harness side of a link that a helper container holds (`slambed.link.link_helper`)."""
 
 import time
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Protocol
@@ -16,6 +17,7 @@ from slambed.link.helper_messages import (
     OpenLink,
     StopLink,
 )
+from slambed.link.traces import at_full_paths
 from slambed.process.line_protocol import LineProcess, Start, Started
 from slambed.spec.run_spec import RunSpec
 
@@ -64,9 +66,11 @@ class HelperLink:
 class HelperStarter(Protocol):
     """The part of an engine that a link needs."""
 
-    def sidecar_command(self, module: str, writable: list[Path]) -> list[str]:
+    def sidecar_command(
+        self, module: str, writable: list[Path], readable: Sequence[Path] = ()
+    ) -> list[str]:
         """Returns the command that runs a module of slambed as a sidecar of the running nodes,
-        with write access to the given paths."""
+        with access to the given paths."""
 
 
 @dataclass(frozen=True)
@@ -82,7 +86,11 @@ class HelperLinkOpener:
         # The helper runs as root, but without the capability to override file permissions.
         log_dir.chmod(0o777)
         log_dir = log_dir.resolve()
-        command = self.engine.sidecar_command(MODULE, [log_dir])
+        # The user's folders do not exist in the helper, but the files of this link do.
+        assert spec.link is not None
+        content, traces = at_full_paths(spec.link.content)
+        spec = spec.model_copy(update={"link": spec.link.model_copy(update={"content": content})})
+        command = self.engine.sidecar_command(MODULE, [log_dir], traces)
         process = LineProcess(command, "link", log_dir / "helper_errors.txt")
         asked = OpenLink(
             spec=spec,

@@ -4,8 +4,9 @@
 import csv
 import hashlib
 import math
+from collections.abc import Mapping
 from pathlib import Path
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field
@@ -96,6 +97,33 @@ def lasting_name(name: str, near: Path | None) -> str:
     except SlambedError:
         return str(path.resolve())
     return name if elsewhere.resolve() == path.resolve() else str(path.resolve())
+
+
+def at_full_paths(content: Mapping[str, Any]) -> tuple[dict[str, Any], list[Path]]:
+    """Returns a profile's content that names its traces by absolute paths, and those files: for a
+    process that has other data folders. Raises SlambedError when a trace is not found."""
+    files: list[Path] = []
+
+    def full(name: str) -> str:
+        files.append(find_trace(name, None).resolve())
+        return str(files[-1])
+
+    def replaced(part: Any) -> Any:
+        if isinstance(part, list):
+            return [replaced(item) for item in part]
+        if not isinstance(part, Mapping):
+            return part
+        found = {key: replaced(value) for key, value in part.items()}
+        trace = found.get("trace")
+        if isinstance(trace, str):
+            found["trace"] = full(trace)
+        elif isinstance(trace, dict) and isinstance(trace.get("file"), str):
+            found["trace"] = {**trace, "file": full(trace["file"])}
+        if isinstance(digests := found.get("rate_sha256"), dict):
+            found["rate_sha256"] = {full(name): digest for name, digest in digests.items()}
+        return found
+
+    return replaced(content), list(dict.fromkeys(files))
 
 
 def read_rtt_trace(description: TraceFile, near: Path | None, remarks: list[str]) -> Trace:

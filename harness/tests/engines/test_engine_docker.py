@@ -320,9 +320,13 @@ def test_containers_of_a_dead_harness_are_removed(bench: Bench) -> None:
 
 
 def unprivileged_run(bench: Bench, during: Callable[[], None] = lambda: None) -> RunResult:
-    """Runs like a member of the group docker: the engine is told that it is not root."""
+    """Runs like a member of the group docker: the engine is told that it is not root. The link
+    plays a trace in a folder that no node sees."""
     bench.engine.unprivileged = True
-    profile = read_profile({"name": "flat", "rtt_ms": 30}, "here")
+    (bench.raw.parent / "flat.csv").write_text("time_s,rtt_ms\n0,30\n0.5,30\n")
+    curve = {"trace": {"file": "flat.csv"}}
+    (bench.raw.parent / "flat.yaml").write_text(json.dumps({"name": "flat", "rtt_ms": curve}))
+    profile = read_profile(str(bench.raw.parent / "flat.yaml"), "here")
     link = LinkSpec(backend="relay", profile="flat", content=profile.content)
     limits = {"cores": 1, "quota_cores": 0.8, "thread_cores": 0.3, "memory_mb": 256}
     spec = run_spec(

@@ -10,7 +10,7 @@ import pytest
 
 from slambed.errors import SlambedError
 from slambed.link.profile import Profile, load_profile, parse_profile
-from slambed.link.traces import mean_rate_mbps, read_rate_trace
+from slambed.link.traces import at_full_paths, mean_rate_mbps, read_rate_trace
 from slambed.spec.run_spec import LinkSpec
 
 
@@ -45,6 +45,33 @@ def test_columns_units_window_and_hold(tmp_path: Path) -> None:
     assert profile.rtt_ms(0.049) == pytest.approx(20)
     assert profile.rtt_ms(0.051) == pytest.approx(21)
     assert profile.duration == pytest.approx(2.0)
+
+
+def test_a_link_names_its_traces_for_another_process(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """By the paths where this process finds them; what the link is stays the same."""
+    data = tmp_path / "data"
+    data.mkdir()
+    (data / "recorded.csv").write_text("time_s,rtt_ms\n0,10\n0.5,20\n")
+    (data / "rate").write_text("1\n2\n")
+    monkeypatch.setenv("SLAMBED_DATA", str(data))
+    profile = parse_profile(
+        {
+            "rtt_ms": {"sum": [5, {"trace": {"file": "recorded.csv"}}]},
+            "up": {"rate": {"trace": "rate"}},
+        },
+        "here",
+    )
+    content, files = at_full_paths(profile.content)
+    assert sorted(files) == [data / "rate", data / "recorded.csv"]
+    monkeypatch.delenv("SLAMBED_DATA")
+    with pytest.raises(SlambedError, match="not found"):
+        parse_profile(profile.content, "there")
+    found = parse_profile(content, "there")
+    assert found.rtt_ms(0.5) == 25 and list(found.rate_traces.values()) == [[1, 2]]
+    specs = [LinkSpec(backend="relay", profile="p", content=c) for c in (profile.content, content)]
+    assert specs[0].meaning() == specs[1].meaning()
 
 
 def test_a_ping_log(tmp_path: Path) -> None:

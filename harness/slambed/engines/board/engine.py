@@ -5,7 +5,7 @@ import dataclasses
 import json
 import os
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -172,9 +172,11 @@ class BoardEngine:
         """Starts a segmenter next to the edge."""
         return self._here.start_segmenter(plan, edge, network)
 
-    def sidecar_command(self, module: str, writable: list[Path]) -> list[str]:
+    def sidecar_command(
+        self, module: str, writable: list[Path], readable: Sequence[Path] = ()
+    ) -> list[str]:
         """Returns the command for a sidecar on this host."""
-        return self._here.sidecar_command(module, writable)
+        return self._here.sidecar_command(module, writable, readable)
 
     def start_sidecar(
         self,

@@ -1,0 +1,159 @@
+#!/usr/bin/env python3
+# SPDX-License-Identifier: Apache-2.0
+"""Draws ORB-SLAM3 beside our systems on ever smaller shares of a core, and prints the table.
+
+    slambed run examples/orb_slam3/orb_slam3_beside_ours.yaml --runs 10
+    .venv/bin/python tools/peer_picture.py results/orb_slam3_beside_ours docs/pictures/peer.svg
+
+Dots are runs, lines are medians. Times are ratios to ours alone on a whole core.
+"""
+
+import sys
+from dataclasses import dataclass
+from pathlib import Path
+
+import matplotlib
+
+matplotlib.use("svg")
+import matplotlib.pyplot as plt
+import pandas as pd
+
+from slambed import Results
+from slambed.metrics.statistics import interval, wilson
+
+ALONE = "ours alone"
+COLORS = {
+    "ORB-SLAM3": "#D55E00",
+    ALONE: "#000000",
+    "Edge-SLAM": "#0072B2",
+    "DynNetSLAM": "#009E73",
+}
+LINKS = {"rtt_20": ("-", "o", "20 ms RTT"), "ramp_0_85_0": ("--", "x", "ramp 0 to 85 ms")}
+"""Link -> line, mark and words."""
+SHARES = {1.0: "1", 0.5: "1/2", 0.25: "1/4", 0.125: "1/8"}
+TIME = "tracking time, ours alone on 1 core = 1"
+BESIDE = 0.04
+"""Of the distance between two shares: so far from each other are the dots of two systems."""
+
+
+@dataclass(frozen=True)
+class Panel:
+    """One metric: column, title, factor to its unit, and whether its axis is logarithmic."""
+
+    column: str
+    title: str
+    factor: float = 1.0
+    log: bool = False
+
+
+PANELS = (
+    Panel("coverage", "frames with a pose [%]", 100.0),
+    Panel("ate_rmse_m", "ATE RMSE [cm]", 100.0),
+    Panel("time", TIME, log=True),
+    Panel("mobile_mem_mb_peak", "peak memory of the robot [MB]", log=True),
+)
+
+
+def runs_of(folder: Path) -> pd.DataFrame:
+    """Returns the valid runs with name, share of a core and time ratio."""
+    results = Results(folder)
+    runs = results.runs
+    runs = runs[runs.valid.astype(bool)].copy()
+    label = runs.cell.str.partition("/")[0]
+    runs["name"] = label.str.partition(", ")[0]
+    runs["share"] = label.str.extract(r", ([0-9.]+) core", expand=False).astype(float)
+    whole = runs[(runs.name == ALONE) & (runs.share == 1.0)].track_ms_median.median()
+    runs["time"] = runs.track_ms_median / whole
+    return runs
+
+
+def draw(runs: pd.DataFrame, target: Path) -> None:
+    """Draws one panel for each metric."""
+    plt.rcParams.update({"svg.hashsalt": "slambed", "font.size": 9, "svg.fonttype": "none"})
+    figure, axes = plt.subplots(2, 2, figsize=(9, 6), layout="constrained")
+    order = list(SHARES)
+    for axis, panel in zip(axes.flat, PANELS, strict=True):
+        for number, (name, color) in enumerate(COLORS.items()):
+            for link, (line, mark, _) in LINKS.items():
+                own = runs[(runs.name == name) & (runs.profile == link)]
+                own = own.dropna(subset=[panel.column])
+                if own.empty:
+                    continue
+                beside = (number - 1.5) * BESIDE
+                x = own.share.map(order.index) + beside
+                y = own[panel.column] * panel.factor
+                axis.plot(x, y, mark, color=color, markersize=3, alpha=0.5)
+                medians = y.groupby(x).median()
+                axis.plot(medians.index, medians, line, color=color, linewidth=1.5)
+        axis.set_title(panel.title, loc="left", fontsize=10)
+        axis.set_xticks(range(len(order)), [f"{s} core" for s in SHARES.values()])
+        if panel.log:
+            axis.set_yscale("log")
+        else:
+            axis.set_ylim(bottom=0)
+        axis.grid(axis="y", alpha=0.3)
+        axis.spines[["top", "right"]].set_visible(False)
+    lines = [plt.Line2D([], [], color=c, label=n) for n, c in COLORS.items()]
+    lines += [
+        plt.Line2D([], [], color="gray", linestyle=line, marker=mark, label=words)
+        for line, mark, words in LINKS.values()
+    ]
+    figure.legend(handles=lines, loc="outside lower center", ncols=6, frameon=False)
+    figure.savefig(target, metadata={"Date": None})
+
+
+def told(values: pd.Series, digits: int) -> str:
+    """A median with its 95 % interval; a range in parentheses below six runs."""
+    values = values.dropna()
+    if values.empty:
+        return "none"
+    found = interval(values.to_numpy())
+    first, last = "()" if found.is_range else "[]"
+    return (
+        f"{found.value:.{digits}f} {first}{found.low:.{digits}f} to {found.high:.{digits}f}{last}"
+    )
+
+
+def table(runs: pd.DataFrame) -> list[str]:
+    """Returns the lines of a Markdown table, a row for each combination."""
+    lines = [
+        f"| share of a core | system | link | runs | {' | '.join(p.title for p in PANELS[:2])} "
+        "| runs with a track loss [%] | frames dropped | time | memory |",
+        "|---" * 10 + "|",
+    ]
+    memory = runs[(runs.name == ALONE) & (runs.share == 1.0)].mobile_mem_mb_peak.median()
+    for share, words in SHARES.items():
+        for name in COLORS:
+            for link, (*_, says) in LINKS.items():
+                own = runs[(runs.name == name) & (runs.profile == link) & (runs.share == share)]
+                if own.empty:
+                    continue
+                lost = wilson(int((own.track_losses > 0).sum()), len(own))
+                cells = (
+                    words,
+                    name,
+                    says if name in ("Edge-SLAM", "DynNetSLAM") else "",
+                    str(len(own)),
+                    told(own.coverage * 100, 0),
+                    told(own.ate_rmse_m * 100, 2),
+                    f"{lost.value * 100:.0f} [{lost.low * 100:.0f} to {lost.high * 100:.0f}]",
+                    told(own.frames_dropped, 0),
+                    told(own.time, 2),
+                    told(own.mobile_mem_mb_peak / memory, 2),
+                )
+                lines.append(f"| {' | '.join(cells)} |")
+    return lines
+
+
+def main() -> int:
+    if len(sys.argv) != 3:
+        print(__doc__, file=sys.stderr)
+        return 2
+    runs = runs_of(Path(sys.argv[1]))
+    draw(runs, Path(sys.argv[2]))
+    print("\n".join(table(runs)))
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
