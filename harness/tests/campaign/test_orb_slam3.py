@@ -1,9 +1,13 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The example ORB-SLAM3: its vocabulary. test_check_system.py plays frames to the package."""
+"""The example ORB-SLAM3: its vocabulary and final poses. test_check_system.py plays frames to the
+package."""
 
+import importlib.util
 import subprocess
 import sys
 from pathlib import Path
+from types import ModuleType
+from unittest.mock import MagicMock, Mock
 
 import pytest
 
@@ -63,3 +67,28 @@ def test_our_reader_of_that_format_gets_the_same_vocabulary(tmp_path: Path) -> N
         check=True, capture_output=True,
     )  # fmt: skip
     assert again.read_bytes() == WORDS.read_bytes()
+
+
+@pytest.fixture
+def adapter(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> ModuleType:
+    """run.py without the package, which only a run installs."""
+    monkeypatch.setenv("SLAMBED_OUTPUT", str(tmp_path))
+    monkeypatch.syspath_prepend(EXAMPLE)
+    for name in ("pyorbslam3", "slambed_client"):
+        monkeypatch.setitem(sys.modules, name, MagicMock())
+    spec = importlib.util.spec_from_file_location("orb_slam3_run", EXAMPLE / "run.py")
+    assert spec is not None and spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+def test_a_frame_that_was_not_tracked_gets_no_final_pose(adapter: ModuleType) -> None:
+    """ORB-SLAM3 writes a pose also where it was about to lose track; slambed refuses that one."""
+    slam, client = Mock(), Mock()
+    slam.save_trajectory_tum = lambda path: Path(path).write_text(
+        "".join(f"{t} {x} 0 0 0 0 0 1\n" for t, x in ((0.1, 1), (0.2, 2), (0.3, 3)))
+    )
+    adapter.final_poses(slam, client, {0.1: 4, 0.2: 5, 0.3: 7}, tracked={4, 7})
+    sent = [(call.args[0], call.args[1][0, 3]) for call in client.final.call_args_list]
+    assert sent == [(4, 1.0), (7, 3.0)]
