@@ -24,7 +24,8 @@ Floats = NDArray[np.float64]
 
 #: Of pixels and meters in a calibration.
 _LARGEST = 1e6
-_OPENCV = re.compile(r"^%YAML:?\s*1\.0\s*$|!!opencv[-_]matrix|!!opencv[-_]nd[-_]matrix", re.M)
+#: What only OpenCV's own parser accepts: its first line, with or without a comment, and its types.
+_OPENCV = re.compile(r"^%YAML:?[ \t]*1\.0[ \t]*(#.*)?$|!!opencv[-_](nd[-_])?matrix", re.M)
 
 
 @dataclass(frozen=True)

@@ -7,8 +7,11 @@ from pathlib import Path
 
 import numpy as np
 
-from slambed.data.camera_files import CalibratedCamera, read_cameras
+from slambed.data.camera_files import CalibratedCamera, Floats, read_cameras
 from slambed.errors import SlambedError
+
+BESIDE = 0.95
+"""Least share of the distance to the next camera that lies along x, for a stereo pair."""
 
 
 def camera_yaml(file: Path, number: int, baseline_m: float | None) -> tuple[str, list[str]]:
@@ -22,20 +25,38 @@ def camera_yaml(file: Path, number: int, baseline_m: float | None) -> tuple[str,
     camera = cameras[number]
     notes = [f"{file} is {kind}"]
     bf = camera.bf if baseline_m is None else baseline_m * float(camera.lens.matrix[0, 0])
-    if bf is None:
-        bf = _bf_of_next(cameras, number)
+    if bf is None and (place := _place_of_next(cameras, number)) is not None:
+        distance_m = float(np.linalg.norm(place))
+        bf = float(camera.lens.matrix[0, 0]) * distance_m
+        notes += _of_rig(number + 1, place, distance_m)
     if bf is None:
         bf = 0.0
         notes.append("bf is 0, as for one camera; of stereo and depth say --baseline-m")
     return _text(camera, bf), notes
 
 
-def _bf_of_next(cameras: list[CalibratedCamera], number: int) -> float | None:
-    """Returns fx times the distance to the next camera of a camchain."""
+def _place_of_next(cameras: list[CalibratedCamera], number: int) -> Floats | None:
+    """Returns where the next camera of a camchain is, [3] m in this camera's coordinates."""
     if number + 1 >= len(cameras) or (motion := cameras[number + 1].pose) is None:
         return None
-    distance_m = float(np.linalg.norm(motion[:3, 3]))
-    return float(cameras[number].lens.matrix[0, 0]) * distance_m
+    return np.asarray(-motion[:3, :3].T @ motion[:3, 3])
+
+
+def _of_rig(following: int, place: Floats, distance_m: float) -> list[str]:
+    """Returns remarks on two cameras that are not the left and the right one of a stereo pair."""
+    right_m = float(place[0])
+    if abs(right_m) < BESIDE * distance_m:
+        x, y, z = place
+        return [
+            f"cam{following} is not beside this camera but at x {x:.3f}, y {y:.3f}, z {z:.3f} m; "
+            "as a stereo pair they must be rectified"
+        ]
+    if right_m < 0:
+        return [
+            f"cam{following} is {distance_m:.3f} m to the left of this camera: as a stereo pair "
+            "its pictures are the left ones"
+        ]
+    return []
 
 
 def _text(camera: CalibratedCamera, bf: float) -> str:

@@ -3,9 +3,11 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 
 import pytest
+import yaml
 from command_line import slambed
 from data_samples import one_line
 
@@ -110,6 +112,35 @@ def test_a_camchain_that_places_its_cameras_on_the_imu(
     alone = ON_THE_IMU.format(**places).replace(str(places["key"]), "T_other", 1)
     camera = imported(tmp_path, alone)
     assert isinstance(camera, CameraRecipe) and camera.bf == 0
+
+
+@pytest.mark.parametrize(
+    ("x", "y", "note"),
+    [
+        (-0.11, 0, []),
+        (0.05, 0.001, ["cam1 is 0.050 m to the left of this camera: as a stereo pair its pictures"]),
+        (0, -0.12, ["cam1 is not beside this camera but at x 0.000, y 0.120, z 0.000 m; as a"]),
+    ],
+    ids=["right", "left", "below"],
+)
+def test_a_rig_that_is_no_stereo_pair_is_told(
+    tmp_path: Path, x: float, y: float, note: list[str]
+) -> None:
+    file = tmp_path / "rig.yaml"
+    camera = yaml.safe_load(KALIBR)
+    camera["cam1"]["T_cn_cnm1"] = [[1, 0, 0, x], [0, 1, 0, y], [0, 0, 1, 0], [0, 0, 0, 1]]
+    file.write_text(yaml.safe_dump(camera))
+    text, (kind, *notes) = camera_yaml(file, 0, None)
+    assert f"bf: {190.5 * math.hypot(x, y):.9g}" in text and kind.endswith("a Kalibr camchain")
+    assert len(notes) == len(note) and all(map(str.startswith, notes, note))
+
+
+@pytest.mark.parametrize("first", ["%YAML:1.0", "%YAML:1.0 # the file type", "%YAML 1.0"])
+def test_the_first_line_of_opencvs_yaml(tmp_path: Path, first: str) -> None:
+    written = f"{first}\n\n{KALIBR}"
+    assert imported(tmp_path, written) == imported(tmp_path, KALIBR)
+    with pytest.raises(SlambedError, match=f"other.yaml:{written.count(chr(10)) + 1}: not YAML"):
+        imported(tmp_path, f"{written}a: b: c\n")
 
 
 def test_a_camchain(tmp_path: Path) -> None:
