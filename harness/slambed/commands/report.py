@@ -273,12 +273,16 @@ def evaluate(
 ) -> None:
     """Compute ATE and RPE of a trajectory file against ground truth."""
     from slambed.data.trajectory import read_tum
+    from slambed.data.truth_times import in_seconds
     from slambed.metrics.accuracy import absolute_error, relative_error
 
     if association not in ("nearest", "tum"):
         raise SlambedError(f"unknown association '{association}'; known: nearest, tum")
     method: Literal["nearest", "tum"] = "tum" if association == "tum" else "nearest"
-    own, true = read_tum(estimate), read_tum(truth)
+    own, of_own = in_seconds(read_tum(estimate), str(estimate))
+    true, of_true = in_seconds(read_tum(truth), str(truth))
+    for note in (*of_own, *of_true):
+        typer.echo(f"note: {note}", err=True)
     try:
         ate = absolute_error(own, true, max_difference_s, method, with_scale)
         rpe = relative_error(own, true, delta_s, max_difference_s=max_difference_s, method=method)

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from slambed.data.pose_columns import PoseColumns, named_columns
+from slambed.data.stamps import NS_PER
 from slambed.data.text_file import pose_rows, read_lines
 from slambed.errors import SlambedError
 
@@ -82,7 +83,7 @@ EMPTY = Trajectory(np.zeros(0), np.zeros((0, 3)), np.zeros((0, 4)))
 
 def read_tum(path: Path) -> Trajectory:
     """Reads `time tx ty tz qx qy qz qw` lines sorted by time; '#' starts a comment. A header may
-    name another order. Duplicates are kept, and quaternions are not normalized.
+    name another order and a unit of time. Duplicates are kept, and quaternions are not normalized.
 
     Raises SlambedError if a line is not eight finite numbers or a quaternion is zero.
     """
@@ -122,11 +123,19 @@ def write_tum(path: Path, trajectory: Trajectory) -> None:
 
 
 def _read_rows(path: Path) -> Floats:
-    """Returns the numbers of the file; errors name file and line."""
+    """Returns the numbers of the file, with times in the unit that a header names as seconds."""
     lines = read_lines(path)
     named = named_columns(lines, str(path)) or USUAL
-    if named.order == USUAL.order and (plain := _plain_rows(lines)) is not None:
-        return plain
+    rows = _plain_rows(lines) if named.order == USUAL.order else None
+    if rows is None:
+        rows = _ordered_rows(path, named)
+    if (ns := NS_PER.get(named.unit or "s", NS_PER["s"])) != NS_PER["s"]:
+        rows[:, 0] *= ns / NS_PER["s"]
+    return rows
+
+
+def _ordered_rows(path: Path, named: PoseColumns) -> Floats:
+    """Returns the numbers of a table whose header names its columns; errors name the line."""
     rows = []
     expected = EXPECTED.removeprefix("expected ")
     # Columns behind those that a header names are covariances.

@@ -5,12 +5,13 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from decimal import Decimal
 
 import numpy as np
 from numpy.typing import NDArray
 
 from slambed.data.association import MAX_DIFFERENCE_S, match_nearest, nearest_distance_s
-from slambed.data.stamps import NS_PER, UNIT_NAMES
+from slambed.data.stamps import NS_PER, UNIT_NAMES, recognized_unit
 from slambed.data.trajectory import Trajectory
 from slambed.errors import SlambedError
 
@@ -18,6 +19,8 @@ from slambed.errors import SlambedError
 _FEWEST_PAIRS = 3
 #: A smaller share of frames with a pose is reported.
 _USUAL_SHARE = 0.5
+#: Of trajectories: a hundred times faster or slower is still believed.
+_USUAL_FPS = 30.0
 
 Floats = NDArray[np.float64]
 
@@ -39,6 +42,17 @@ def fitting_truth(
     if (paired := _paired(frames_s, truth)) > 0:
         return truth, _notes("s", paired, frames_s, truth, where)
     raise _misfit(frames_s, np.sort(truth.stamps_s), where)
+
+
+def in_seconds(path: Trajectory, where: str) -> tuple[Trajectory, list[str]]:
+    """Returns a trajectory with times in seconds, and a remark if they were in another unit: one in
+    which they are dates and their steps those of a camera."""
+    counts = [Decimal(repr(float(stamp))) for stamp in path.stamps_s]
+    unit = recognized_unit(counts, "s", _USUAL_FPS)
+    if unit is None or unit == "s":
+        return path, []
+    scaled = replace(path, stamps_s=path.stamps_s * (NS_PER[unit] / NS_PER["s"]))
+    return scaled, [f"{where}: times are read as {UNIT_NAMES[unit]}"]
 
 
 def _paired(frames_s: Floats, truth: Trajectory) -> int:

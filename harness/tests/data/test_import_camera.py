@@ -118,7 +118,11 @@ def test_a_camchain_that_places_its_cameras_on_the_imu(
     ("x", "y", "note"),
     [
         (-0.11, 0, []),
-        (0.05, 0.001, ["cam1 is 0.050 m to the left of this camera: as a stereo pair its pictures"]),
+        (
+            0.05,
+            0.001,
+            ["cam1 is 0.050 m to the left of this camera: as a stereo pair its pictures"],
+        ),
         (0, -0.12, ["cam1 is not beside this camera but at x 0.000, y 0.120, z 0.000 m; as a"]),
     ],
     ids=["right", "left", "below"],

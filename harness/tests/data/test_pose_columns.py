@@ -5,6 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from command_line import refused, slambed
 
 from slambed.data.pose_columns import named_columns
 from slambed.data.trajectory import read_tum
@@ -44,11 +45,38 @@ def test_a_header_below_the_first_row_changes_nothing() -> None:
 
 def test_a_trajectory_is_read_in_the_order_of_its_header(tmp_path: Path) -> None:
     path = tmp_path / "a.csv"
-    path.write_text("#time(ns),px,py,pz,qw,qx,qy,qz,vx\n5,1,2,3,0.8,0.6,0,0,9\n")
+    path.write_text("#time(s),px,py,pz,qw,qx,qy,qz,vx\n5,1,2,3,0.8,0.6,0,0,9\n")
     rows = read_tum(path).rows()
     assert np.array_equal(rows, [[5, 1, 2, 3, 0.6, 0, 0, 0.8]])
     path.write_text("# timestamp(s) tx ty tz qx qy qz qw Pr11 Pr12\n5 1 2 3 0.6 0 0 0.8 7 7\n")
     assert np.array_equal(read_tum(path).rows(), rows)
+
+
+@pytest.mark.parametrize("order", ["tx,ty,tz,qx,qy,qz,qw", "p_RS_R_x [m],y,z,qw,qx,qy,qz,vx"])
+@pytest.mark.parametrize(("unit", "time"), [("s", 5), ("ms", 5e3), ("us", 5e6), ("ns", 5e9)])
+def test_times_are_in_the_unit_of_the_header(
+    tmp_path: Path, order: str, unit: str, time: float
+) -> None:
+    path = tmp_path / "a.csv"
+    rest = ",1" * order.count(",")
+    path.write_text(f"#timestamp [{unit}],{order}\n{time:.18e},1{rest}\n")
+    assert read_tum(path).stamps_s == pytest.approx([5.0], abs=1e-12)
+
+
+@pytest.mark.parametrize("factor", [1e3, 1e6, 1e9])
+def test_evaluate_recognizes_the_unit_of_dates(tmp_path: Path, factor: float) -> None:
+    """Both files may have any unit; where it is not seconds, a note says so."""
+    files = {}
+    for name, scale in (("own", factor), ("true", 1.0)):
+        files[name] = tmp_path / f"{name}.txt"
+        rows = [(scale * (1.4e9 + 0.1 * n), n, n * n % 7, 0) for n in range(30)]
+        files[name].write_text("".join(f"{t:.3f} {x} {y} {z} 0 0 0 1\n" for t, x, y, z in rows))
+    for pair in (("own", "true"), ("true", "own"), ("own", "own")):
+        code, out, err = slambed("evaluate", *(str(files[name]) for name in pair))
+        assert code == 0 and "ATE RMSE 0.000000 m (SE3, 30 pairs" in out, err
+        assert err.count("own.txt: times are read as ") == pair.count("own")
+    files["own"].write_text(files["true"].read_text().replace("14000000", "15000000"))
+    assert "do not overlap" in refused(2, "evaluate", str(files["own"]), str(files["true"]))
 
 
 def test_more_columns_without_a_header_are_refused(tmp_path: Path) -> None:
