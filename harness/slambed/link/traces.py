@@ -5,6 +5,7 @@ import csv
 import hashlib
 import math
 from collections.abc import Mapping
+from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any, Literal
 
@@ -41,9 +42,9 @@ class TraceFile(BaseModel):
     """`columns`: a header line, then comma- or whitespace-separated numbers; `ping`: output of
     ping."""
     time: str = "time_s"
-    """Name of the time column."""
+    """Name of the time column, of numbers or of dates (2026-11-26T17:15:30.250Z)."""
     time_unit: Literal["s", "ms", "us", "ns"] = "s"
-    """Unit of the time column."""
+    """Unit of the time column, where it has numbers."""
     rtt: str = "rtt_ms"
     """Name of the RTT column."""
     rtt_unit: Literal["s", "ms", "us", "ns"] = "ms"
@@ -191,12 +192,12 @@ def _read_columns(path: Path, description: TraceFile) -> tuple[np.ndarray, np.nd
     times, values = [], []
     for number, row in rows[1:]:
         try:
-            times.append(float(row[places[0]]))
+            times.append(_time_of(row[places[0]], description.time_unit))
             values.append(float(row[places[1]]))
         except (ValueError, IndexError):
             found = ", ".join(row)[:60]
             raise SlambedError(
-                f"not two numbers but '{found}', {path} line {number}; clean the file"
+                f"not a time and a number but '{found}', {path} line {number}; clean the file"
             ) from None
         if not math.isfinite(times[-1]):
             raise SlambedError(f"time is not a number, {path} line {number}; clean the file")
@@ -205,6 +206,16 @@ def _read_columns(path: Path, description: TraceFile) -> tuple[np.ndarray, np.nd
     start = times[0] if times else 0.0
     relative = (np.array(times) - start) * _UNITS_S[description.time_unit]
     return relative, np.array(values) * to_ms
+
+
+def _time_of(text: str, unit: str) -> float:
+    """Returns a time in this unit; a date (2026-11-26T17:15:30.250Z) counts from 1970, and is UTC
+    where it does not say otherwise. Raises ValueError."""
+    try:
+        return float(text)
+    except ValueError:
+        moment = datetime.fromisoformat(text.strip())
+        return moment.replace(tzinfo=moment.tzinfo or UTC).timestamp() / _UNITS_S[unit]
 
 
 def _split(lines: list[str]) -> list[tuple[int, list[str]]]:

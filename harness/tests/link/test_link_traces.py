@@ -74,6 +74,21 @@ def test_a_link_names_its_traces_for_another_process(
     assert specs[0].meaning() == specs[1].meaning()
 
 
+@pytest.mark.parametrize(
+    ("first", "second"),
+    [
+        ("2026-11-26T17:15:30.250Z", "2026-11-26T17:15:30.750Z"),
+        ("2026-11-26 17:15:30.250", "2026-11-26 17:15:30.750"),
+        ("2026-11-26T23:59:59.750+01:00", "2026-11-26T23:00:00.250Z"),
+    ],
+)
+@pytest.mark.parametrize("unit", ["s", "ns"])
+def test_times_may_be_dates(tmp_path: Path, first: str, second: str, unit: str) -> None:
+    profile = trace(tmp_path, f"time_s,rtt_ms\n{first},10\n{second},20\n", time_unit=unit)
+    assert profile.duration == pytest.approx(0.5, abs=1e-6)
+    assert profile.rtt_ms(0.25) == pytest.approx(15, abs=1e-3)
+
+
 def test_a_ping_log(tmp_path: Path) -> None:
     text = "PING a (1.2.3.4) 56(84) bytes of data.\n" + "".join(
         f"64 bytes from 1.2.3.4: icmp_seq={i} ttl=57 time={10.0 + i} ms\n" for i in (1, 2, 3)
@@ -89,7 +104,7 @@ def test_a_ping_log(tmp_path: Path) -> None:
         ("time_s,rtt_ms\n0,1\n0.5,-2\n", {}, "negative latency -2 ms at 0.500 s"),
         ("time_s,rtt_ms\n0,1\n0.5,nan\n", {}, "RTT is not a number at 0.500 s"),
         ("time_s,rtt_ms\n0,1\nnan,2\n", {}, "time is not a number.*line 3"),
-        ("time_s,rtt_ms\n0,1\n0.5\n", {}, "not two numbers.*line 3"),
+        ("time_s,rtt_ms\n0,1\n0.5\n", {}, "not a time and a number.*line 3"),
         ("time_s,rtt\n0,1\n", {}, "no column 'rtt_ms'.*did you mean 'rtt'"),
         ("time_s,rtt_ms\n", {}, "no samples"),
         ("nothing here\n", {"format": "ping"}, "no samples"),
@@ -274,7 +289,7 @@ def test_traces_in_any_encoding(tmp_path: Path, encoding: str) -> None:
 
 
 def test_lines_of_comments_count(tmp_path: Path) -> None:
-    with pytest.raises(SlambedError, match=r"not two numbers but '0.1, x'.* line 5;"):
+    with pytest.raises(SlambedError, match=r"not a time and a number but '0.1, x'.* line 5;"):
         trace(tmp_path, "# a\n# b\ntime_s,rtt_ms\n0,1\n0.1,x\n")
 
 
