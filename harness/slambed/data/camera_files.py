@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -26,6 +26,8 @@ Floats = NDArray[np.float64]
 _LARGEST = 1e6
 #: What only OpenCV's own parser accepts: its first line, with or without a comment, and its types.
 _OPENCV = re.compile(r"^%YAML:?[ \t]*1\.0[ \t]*(#.*)?$|!!opencv[-_](nd[-_])?matrix", re.M)
+#: OpenCV needs no blank behind a key.
+_GLUED = re.compile(r"^(\s*[A-Za-z_][\w.]*):(?=[^\s:])", re.M)
 
 
 @dataclass(frozen=True)
@@ -39,6 +41,8 @@ class CalibratedCamera:
     (Kalibr)."""
     bf: float | None = None
     """fx times baseline, if the file contains it."""
+    remarks: tuple[str, ...] = ()
+    """What else the file says that a dataset file needs."""
 
 
 def read_asl(file: Path) -> CalibratedCamera:
@@ -70,7 +74,9 @@ def read_cameras(file: Path) -> tuple[str, list[CalibratedCamera]]:
 
 
 def _load(file: Path) -> tuple[str, dict[str, Any]]:
-    text = _OPENCV.sub("", "\n".join(read_lines(file)))
+    text = "\n".join(read_lines(file))
+    if _OPENCV.search(text) is not None:
+        text = _GLUED.sub(r"\1: ", _OPENCV.sub("", text))
     try:
         data = read_yaml(text)
     except yaml.YAMLError as broken:
@@ -102,7 +108,7 @@ def _checked(
         return read(data, str(file))
     except KeyError as missing:
         raise SlambedError(f"{file}: key {missing} is missing, which {kind} has") from None
-    except (TypeError, ValueError, OverflowError, AttributeError, IndexError) as broken:
+    except (TypeError, ValueError, ArithmeticError, AttributeError, IndexError) as broken:
         raise SlambedError(f"{file}: not {kind}: {broken}; correct the file") from None
 
 
@@ -204,15 +210,50 @@ def _opencv(data: dict[str, Any], where: str) -> list[CalibratedCamera]:
 
 
 def _orbslam(data: dict[str, Any], where: str) -> list[CalibratedCamera]:
-    head = "Camera" if "Camera.fx" in data else "Camera1"
-    intrinsics = [data[f"{head}.{name}"] for name in ("fx", "fy", "cx", "cy")]
-    fisheye = str(data.get("Camera.type", "PinHole")) == "KannalaBrandt8"
-    names = ("k1", "k2", "k3", "k4") if fisheye else ("k1", "k2", "p1", "p2", "k3")
-    distortion = [data.get(f"{head}.{name}", 0.0) for name in names]
-    lens = _lens(intrinsics, "equidistant" if fisheye else "plumb_bob", distortion, where)
+    old = "Camera.fx" in data
+    first = _orbslam_camera(data, "Camera" if old else "Camera1", where)
+    fx = float(first.lens.matrix[0, 0])
     bf = data.get("Camera.bf")
-    size = _size(data["Camera.width"], data["Camera.height"])
-    return [CalibratedCamera(size, lens, bf=None if bf is None else float(bf))]
+    if bf is None and (baseline_m := data.get("Stereo.b")) is not None:
+        bf = fx * float(baseline_m)
+    remarks = []
+    if (given := data.get("RGBD.DepthMapFactor")) is not None:
+        factor = float(given)
+        remarks.append(f"RGBD.DepthMapFactor {factor:g} is 'depth_unit_m: {1 / factor:.6g}'")
+    if "Camera.newWidth" in data or "Camera.newHeight" in data:
+        remarks.append("ORB-SLAM makes pictures smaller (Camera.newWidth), slambed does not")
+    cameras = [
+        replace(first, bf=None if bf is None else float(bf), remarks=tuple(remarks)),
+    ]
+    if "Camera2.fx" in data:
+        pose = None
+        if (second_to_first := data.get("Stereo.T_c1_c2")) is not None:
+            place = f"{where}: Stereo.T_c1_c2"
+            pose = np.asarray(np.linalg.inv(_pose(_numbers(second_to_first), place)))
+        cameras.append(replace(_orbslam_camera(data, "Camera2", where), pose=pose))
+    return cameras
+
+
+def _orbslam_camera(data: dict[str, Any], head: str, where: str) -> CalibratedCamera:
+    intrinsics = [data[f"{head}.{name}"] for name in ("fx", "fy", "cx", "cy")]
+    kind = str(data.get("Camera.type", "PinHole"))
+    if kind not in _ORBSLAM_DISTORTION:
+        raise SlambedError(
+            f"{where}: Camera.type '{kind}' is not supported; known: "
+            f"{', '.join(_ORBSLAM_DISTORTION)}"
+        )
+    model, names = _ORBSLAM_DISTORTION[kind]
+    distortion = [data.get(f"{head}.{name}", 0.0) for name in names]
+    lens = _lens(intrinsics, model, distortion, where)
+    return CalibratedCamera(_size(data["Camera.width"], data["Camera.height"]), lens)
+
+
+#: Camera.type -> distortion model, and its coefficients.
+_ORBSLAM_DISTORTION = {
+    "PinHole": ("plumb_bob", ("k1", "k2", "p1", "p2", "k3")),
+    "Rectified": ("plumb_bob", ()),
+    "KannalaBrandt8": ("equidistant", ("k1", "k2", "k3", "k4")),
+}
 
 
 def _first(data: Mapping[str, Any], names: Sequence[str]) -> Any:

@@ -23,7 +23,7 @@ def camera_yaml(file: Path, number: int, baseline_m: float | None) -> tuple[str,
             f"choose 0 to {len(cameras) - 1}"
         )
     camera = cameras[number]
-    notes = [f"{file} is {kind}"]
+    notes = [f"{file} is {kind}", *camera.remarks]
     bf = camera.bf if baseline_m is None else baseline_m * float(camera.lens.matrix[0, 0])
     if bf is None and (place := _place_of_next(cameras, number)) is not None:
         distance_m = float(np.linalg.norm(place))

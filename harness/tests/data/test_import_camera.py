@@ -67,6 +67,32 @@ Camera.height: 480
 Camera.bf: 40.0
 """
 
+ORBSLAM3 = """%YAML:1.0
+File.version: "1.0"
+Camera.type: "KannalaBrandt8"
+Camera1.fx: 190.5
+Camera1.fy: 190.8
+Camera1.cx: 254.9
+Camera1.cy: 256.8
+Camera1.k1: 0.01
+Camera1.k2: 0.02
+Camera1.k3: 0.003
+Camera1.k4: 0.0001
+Camera2.fx: 200.0
+Camera2.fy: 201.0
+Camera2.cx: 250.0
+Camera2.cy: 251.0
+Camera2.k1: 0.02
+Stereo.T_c1_c2: !!opencv-matrix
+  rows: 4
+  cols: 4
+  dt: f
+  data:[1, 0, 0, 0.1, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1]
+Camera.width: 512
+Camera.height: 500
+Viewer.PointSize:2
+"""
+
 
 def imported(tmp_path: Path, text: str, number: int = 0, baseline_m: float | None = None) -> object:
     file = tmp_path / "other.yaml"
@@ -188,6 +214,35 @@ def test_settings_of_orbslam(tmp_path: Path) -> None:
         bf=40,
         distortion=(0.1, 0, 0, 0, 0),
     )
+
+
+def test_settings_of_orbslam3(tmp_path: Path) -> None:
+    """A second camera; and what OpenCV reads without a blank behind the colon."""
+    first = imported(tmp_path, ORBSLAM3)
+    kalibr = imported(tmp_path, KALIBR)
+    assert isinstance(first, CameraRecipe) and isinstance(kalibr, CameraRecipe)
+    assert first.bf == pytest.approx(19.05) and first == kalibr.model_copy(update={"bf": first.bf})
+    second = imported(tmp_path, ORBSLAM3, 1, baseline_m=0.5)
+    assert isinstance(second, CameraRecipe)
+    assert (second.fx, second.bf, second.distortion) == (200, 100, (0.02, 0, 0, 0))
+
+
+def test_the_baseline_and_the_depth_of_orbslam3(tmp_path: Path) -> None:
+    file = tmp_path / "depth.yaml"
+    text = ORBSLAM.replace("Camera.", "Camera1.").replace("Camera1.width", "Camera.width")
+    text = text.replace("Camera1.height", "Camera.height")
+    text = text.replace("Camera1.bf: 40.0", "Stereo.b: 0.1\nRGBD.DepthMapFactor: 5000.0")
+    file.write_text(text)
+    lines, (_, depth) = camera_yaml(file, 0, None)
+    assert "bf: 53.54," in lines and depth == "RGBD.DepthMapFactor 5000 is 'depth_unit_m: 0.0002'"
+    file.write_text(f"{text}Camera.newWidth: 320\n")
+    assert "ORB-SLAM makes pictures smaller" in camera_yaml(file, 0, None)[1][-1]
+    file.write_text(f"{text}Camera.type: Omni\n")
+    with pytest.raises(SlambedError, match="Camera.type 'Omni' is not supported; known: PinHole"):
+        camera_yaml(file, 0, None)
+    file.write_text(text.replace("5000.0", "0"))
+    with pytest.raises(SlambedError, match="not a settings file of ORB-SLAM: float division"):
+        camera_yaml(file, 0, None)
 
 
 @pytest.mark.parametrize(
