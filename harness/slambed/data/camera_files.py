@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Reads camera calibrations of ASL (EuRoC), Kalibr, OpenCV, ROS and ORB-SLAM."""
+"""Reads camera calibrations of ASL (EuRoC), Kalibr, OpenCV, ROS, ORB-SLAM and camodocal (VINS)."""
 
 from __future__ import annotations
 
@@ -64,11 +64,12 @@ def read_cameras(file: Path) -> tuple[str, list[CalibratedCamera]]:
         "a Kalibr camchain": _kalibr,
         "an OpenCV or ROS calibration": _opencv,
         "a settings file of ORB-SLAM": _orbslam,
+        "a calibration of camodocal (VINS)": _camodocal,
     }
     if kind not in readers:
         raise SlambedError(
             f"{file}: this is {kind}; known are ASL (EuRoC) sensor.yaml, Kalibr camchains, OpenCV "
-            "and ROS calibrations and settings of ORB-SLAM"
+            "and ROS calibrations, settings of ORB-SLAM, and cameras of camodocal (VINS)"
         )
     return kind, _checked(readers[kind], data, file, kind)
 
@@ -93,6 +94,8 @@ def _kind_of(data: Mapping[str, Any]) -> str:
         return "a Kalibr camchain"
     if "Camera.fx" in data or "Camera1.fx" in data:
         return "a settings file of ORB-SLAM"
+    if "model_type" in data:
+        return "a calibration of camodocal (VINS)"
     if any(name in data for name in _MATRIX):
         return "an OpenCV or ROS calibration"
     return "an ASL sensor.yaml" if "intrinsics" in data or "T_BS" in data else "no calibration"
@@ -254,6 +257,33 @@ _ORBSLAM_DISTORTION = {
     "Rectified": ("plumb_bob", ()),
     "KannalaBrandt8": ("equidistant", ("k1", "k2", "k3", "k4")),
 }
+
+
+#: model_type -> intrinsics, distortion model, and its coefficients. Camodocal counts those of a
+#: fisheye lens from k2, OpenCV from k1.
+_CAMODOCAL = {
+    "PINHOLE": (("fx", "fy", "cx", "cy"), "plumb_bob", ("k1", "k2", "p1", "p2")),
+    "KANNALA_BRANDT": (("mu", "mv", "u0", "v0"), "equidistant", ("k2", "k3", "k4", "k5")),
+}
+
+
+def _camodocal(data: dict[str, Any], where: str) -> list[CalibratedCamera]:
+    if (kind := str(data["model_type"]).upper()) not in _CAMODOCAL:
+        raise SlambedError(
+            f"{where}: model_type '{kind}' is not supported; known: {', '.join(_CAMODOCAL)}; "
+            "calibrate again, or undistort the pictures before"
+        )
+    names, model, coefficients = _CAMODOCAL[kind]
+    projection = data["projection_parameters"]
+    # Coefficients of a fisheye lens are written in either place.
+    distortion = {**projection, **(data.get("distortion_parameters") or {})}
+    lens = _lens(
+        [projection[name] for name in names],
+        model,
+        [distortion.get(name, 0.0) for name in coefficients],
+        where,
+    )
+    return [CalibratedCamera(_size(data["image_width"], data["image_height"]), lens)]
 
 
 def _first(data: Mapping[str, Any], names: Sequence[str]) -> Any:

@@ -93,6 +93,23 @@ Camera.height: 500
 Viewer.PointSize:2
 """
 
+CAMODOCAL = """%YAML:1.0
+---
+model_type: KANNALA_BRANDT
+camera_name: camera
+image_width: 512
+image_height: 500
+projection_parameters:
+   k2: 0.01
+   k3: 2.0e-02
+   k4: 0.003
+   k5: 0.0001
+   mu: 190.5
+   mv: 1.908e+02
+   u0: 254.9
+   v0: 256.8
+"""
+
 
 def imported(tmp_path: Path, text: str, number: int = 0, baseline_m: float | None = None) -> object:
     file = tmp_path / "other.yaml"
@@ -216,6 +233,32 @@ def test_settings_of_orbslam(tmp_path: Path) -> None:
     )
 
 
+def test_cameras_of_vins(tmp_path: Path) -> None:
+    fisheye = imported(tmp_path, CAMODOCAL)
+    kalibr = imported(tmp_path, KALIBR)
+    assert isinstance(kalibr, CameraRecipe) and fisheye == kalibr.model_copy(update={"bf": 0})
+    apart = CAMODOCAL.replace("   k2", "distortion_parameters:\n   k2").split(
+        "projection_parameters:\n"
+    )
+    lens, camera = apart[1].split("   mu")
+    text = f"{apart[0]}{lens}projection_parameters:\n   mu{camera}"
+    assert imported(tmp_path, text) == fisheye
+    pinhole = text.replace("KANNALA_BRANDT", "PINHOLE")
+    for old, new in zip(("mu", "mv", "u0", "v0"), ("fx", "fy", "cx", "cy"), strict=True):
+        pinhole = pinhole.replace(f" {old}:", f" {new}:")
+    found = imported(tmp_path, pinhole.replace("k2", "k1", 1))
+    assert isinstance(found, CameraRecipe) and (found.fx, found.distortion) == (
+        190.5,
+        (0.01, 0, 0, 0),
+    )
+    with pytest.raises(
+        SlambedError, match="model_type 'MEI' is not supported; known: PINHOLE, KANN"
+    ):
+        imported(tmp_path, text.replace("KANNALA_BRANDT", "MEI"))
+    with pytest.raises(SlambedError, match="key 'mu' is missing, which a calibration of camodocal"):
+        imported(tmp_path, text.replace("mu:", "nu:"))
+
+
 def test_settings_of_orbslam3(tmp_path: Path) -> None:
     """A second camera; and what OpenCV reads without a blank behind the colon."""
     first = imported(tmp_path, ORBSLAM3)
@@ -238,7 +281,7 @@ def test_the_baseline_and_the_depth_of_orbslam3(tmp_path: Path) -> None:
     file.write_text(f"{text}Camera.newWidth: 320\n")
     assert "ORB-SLAM makes pictures smaller" in camera_yaml(file, 0, None)[1][-1]
     file.write_text(f"{text}Camera.type: Omni\n")
-    with pytest.raises(SlambedError, match="Camera.type 'Omni' is not supported; known: PinHole"):
+    with pytest.raises(SlambedError, match=r"Camera\.type 'Omni' is not supported; known: PinHole"):
         camera_yaml(file, 0, None)
     file.write_text(text.replace("5000.0", "0"))
     with pytest.raises(SlambedError, match="not a settings file of ORB-SLAM: float division"):
