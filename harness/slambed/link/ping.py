@@ -1,21 +1,28 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Parses RTTs from ping output: iputils (any language, with -D), busybox, BSD and macOS,
+"""Parses RTTs from ping output: iputils (any language, with -D), busybox, BSD and macOS, fping,
 Windows."""
 
 from __future__ import annotations
 
 import re
 from dataclasses import dataclass
+from datetime import UTC, datetime
 
 _NUMBER = r"(\d+(?:[.,]\d+)?)"
 # Matches `icmp_seq=7 ttl=57 time=11,3 ms`. Words differ between languages, their order does not.
 _UNIX = re.compile(rf"seq=(\d+)\s+[^\s=]+=\d+\s+[^\s=<]+\s*[=<]+\s*{_NUMBER}\s*(\D*)")
+# Matches `1.1.1.1 : [7], 84 bytes, 11.3 ms (11.4 avg, 0% loss)`.
+_FPING = re.compile(rf":\s*\[(\d+)\],\s+(?:\d+ bytes,\s+)?{_NUMBER}\s+(ms)\b")
 # Matches `time=12ms TTL=57` and `time<1ms`. IPv6 has no TTL; the statistics lines have a blank
 # after `=`.
 _WINDOWS = re.compile(rf"\s[^\s=<]+\s?[=<]{_NUMBER}\s?([^\W\d]+)(?:\s+TTL=\d+)?\s*$", re.I)
 # Marks duplicates, such as `(DUP!)`, in any language.
 _MARKED = "!)"
-_STAMP = re.compile(r"\s*\[(\d+(?:\.\d+)?)\]")
+# Matches the stamps of `ping -D` and `fping -D`, and those of `ping | ts '%.s'` or a date of `ts`.
+_STAMP = re.compile(
+    r"\s*(?:\[(?P<s>\d+(?:\.\d+)?)\]|(?P<bare>\d{9,10}(?:\.\d+)?)\s"
+    r"|(?P<date>\d{4}-\d\d-\d\d[T ]\d\d:\d\d:\d\d(?:\.\d{1,6})?)\D)"
+)
 _MS_PER = {"s": 1e3, "sec": 1e3, "us": 1e-3, "usec": 1e-3, "µs": 1e-3, "μs": 1e-3}
 #: Sequence numbers have 16 bits.
 _WRAP = 1 << 16
@@ -40,15 +47,19 @@ class PingLog:
 
 def read_ping(lines: list[str]) -> PingLog:
     """Parses the replies of either format. Raises ValueError if the file contains two logs."""
-    unix = [(line, found) for line in lines if (found := _UNIX.search(line))]
+    unix = [
+        (line, found)
+        for line in lines
+        if (found := _UNIX.search(line) or _FPING.search(line)) is not None
+    ]
     return _unix(unix) if unix else PingLog(_windows(lines), False)
 
 
 def _unix(replies: list[tuple[str, re.Match[str]]]) -> PingLog:
     """Unwraps sequence numbers; the first reply of a duplicate counts. If all lines have
     timestamps, the send time is the timestamp minus the RTT."""
-    stamps = [_STAMP.match(line) for line, _ in replies]
-    is_stamped = all(stamps)
+    stamps = [_stamp_s(line) for line, _ in replies]
+    is_stamped = None not in stamps
     echoes: dict[int, Echo] = {}
     number = int(replies[0][1][1])
     for (line, found), stamp in zip(replies, stamps, strict=True):
@@ -58,9 +69,21 @@ def _unix(replies: list[tuple[str, re.Match[str]]]) -> PingLog:
                 raise ValueError(f"icmp_seq {found[1]} comes again, not as a duplicate")
             continue
         rtt_ms = _ms(found[2], found[3])
-        sent = float(stamp[1]) - 1e-3 * rtt_ms if is_stamped and stamp else float(number)
+        sent = stamp - 1e-3 * rtt_ms if is_stamped and stamp is not None else float(number)
         echoes[number] = Echo(sent, rtt_ms)
     return PingLog([echoes[key] for key in sorted(echoes)], is_stamped)
+
+
+def _stamp_s(line: str) -> float | None:
+    """Returns the time at the begin of a line, in s since 1970; None if there is none."""
+    if (found := _STAMP.match(line)) is None:
+        return None
+    if (date := found["date"]) is None:
+        return float(found["s"] or found["bare"])
+    try:
+        return datetime.fromisoformat(date).replace(tzinfo=UTC).timestamp()
+    except ValueError:
+        return None
 
 
 def _windows(lines: list[str]) -> list[Echo]:

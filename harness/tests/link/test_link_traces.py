@@ -207,6 +207,7 @@ UNIX_REPLY = "64 bytes from 1.2.3.4: icmp_seq={seq} ttl=57 time={ms} ms"
         "64 octets de 1.2.3.4 : icmp_seq={seq} ttl=57 temps={ms} ms",
         "64 字节 来自 1.2.3.4: icmp_seq={seq} ttl=57 时间={ms} 毫秒",
         "64 bytes from 1.2.3.4: seq={seq} ttl=57 time={ms} ms",
+        "1.2.3.4 : [{seq}], 84 bytes, {ms} ms (11.4 avg, 0% loss)",
         "Reply from 1.2.3.4: bytes=32 time={ms}ms TTL=57",
         "Antwort von 1.2.3.4: Bytes=32 Zeit={ms}ms TTL=57",
         "Réponse de 1.2.3.4 : octets=32 temps={ms} ms TTL=57",
@@ -276,6 +277,22 @@ def test_stamps_of_a_log_count_instead_of_an_interval(tmp_path: Path) -> None:
     profile = ping_trace(tmp_path, lines, ping_interval_s=1.0)
     assert profile.duration == pytest.approx(0.4, abs=1e-5)
     assert profile.rtt_ms(0.2) == pytest.approx(200, abs=0.1)
+
+
+@pytest.mark.parametrize(
+    "line",
+    [
+        "[17145600{i:02}.5] 1.2.3.4 : [{i}], 64 bytes, 500 ms (50 avg, 0% loss)",
+        "17145600{i:02}.5 64 bytes from 1.2.3.4: icmp_seq={i} ttl=57 time=500 ms",
+        "2026-11-26 17:21:{i:02}.5 64 bytes from 1.2.3.4: icmp_seq={i} ttl=57 time=500 ms",
+    ],
+    ids=["fping -D", "ts %.s", "ts, dates"],
+)
+def test_stamps_of_other_programs(tmp_path: Path, line: str) -> None:
+    profile = ping_trace(tmp_path, [line.format(i=i) for i in (10, 12, 13)], max_gap_s=3)
+    assert profile.duration == pytest.approx(3) and not profile.remarks
+    wrong = line.replace("17145600{i:02}", "x").replace("11-26", "13-26")
+    assert ping_trace(tmp_path, [wrong.format(i=i) for i in (10, 11)]).remarks
 
 
 @pytest.mark.parametrize("encoding", ["utf-8-sig", "utf-16", "utf-16-le", "latin-1"])
