@@ -32,7 +32,7 @@ from slambed.engines.result import RunResult
 from slambed.errors import SlambedError
 from slambed.files.atomic import replacing
 from slambed.files.json_file import object_or_empty
-from slambed.metrics.accuracy import absolute_error
+from slambed.metrics.accuracy import absolute_error, relative_error
 from slambed.metrics.declared import fits
 from slambed.metrics.events import Event, read_jsonl
 from slambed.metrics.tracking import values_of
@@ -51,7 +51,7 @@ READER_STOPPED_AFTER_S = 0.1
 STOP_PATIENCE_S, END_PATIENCE_S = 15.0, 30.0
 PRINTED_LINES = 20
 INVERSE_IS_BETTER = 0.5
-"""If the inverted path has less than this share of the original error, poses were sent inverted."""
+"""If inverted poses or steps have less than this share of the original error, they were sent so."""
 
 
 @dataclass
@@ -348,7 +348,24 @@ def _path(trial: Trial, found: Checked) -> None:
     if turned:
         line += f": no, inverted they fit ({100 * error:.1f} cm as sent, {100 * inverse:.1f} cm)"
     found.report(not turned, line)
+    if not turned and not with_scale:
+        _steps(estimate, truth, found)
     found.report(True, f"ATE over these frames {100 * error:.1f} cm")
+
+
+def _steps(estimate: Trajectory, truth: Trajectory, found: Checked) -> None:
+    """Reports an odometry that chains the motions of its frames the wrong way round. Over so few
+    frames its path is hardly worse for it, but its steps are."""
+    sent, inverted = (
+        relative_error(path, truth, 1 / FPS).translation_m.rmse
+        for path in (estimate, _with_inverted_steps(estimate))
+    )
+    if inverted < INVERSE_IS_BETTER * sent:
+        found.report(
+            False,
+            f"motions from frame to frame are chained as T_wc[k] = T_wc[k-1] T[k-1,k]: no, each "
+            f"inverted fits ({1000 * sent:.1f} mm a frame as sent, {1000 * inverted:.1f} mm)",
+        )
 
 
 def _stops(trial: Trial, found: Checked) -> None:
@@ -373,6 +390,19 @@ def _inverted(path: Trajectory) -> Trajectory:
     """Returns the inverse of each pose."""
     inverse = path.rotations().inv()
     return Trajectory(path.stamps_s, -inverse.apply(path.positions_m), inverse.as_quat())
+
+
+def _with_inverted_steps(path: Trajectory) -> Trajectory:
+    """Returns the path whose motions from pose to pose are the inverse of this one's."""
+    rotations, positions = [path.rotations()[0]], [path.positions_m[0]]
+    turned = path.rotations()
+    for k in range(1, len(path)):
+        back = turned[k].inv()
+        step = back.apply(path.positions_m[k - 1] - path.positions_m[k])
+        positions.append(positions[-1] + rotations[-1].apply(step))
+        rotations.append(rotations[-1] * (back * turned[k - 1]))
+    quaternions = np.array([rotation.as_quat() for rotation in rotations])
+    return Trajectory(path.stamps_s, np.array(positions), quaternions)
 
 
 def _generate(sensor: str, path: Path) -> Path:

@@ -14,6 +14,7 @@ from slambed.native import find_program, repository_root
 EXAMPLES = repository_root() / "examples" / "visual_odometry"
 MOST_DRIFT_CM = 4.5
 """Of OpenCV's odometry: it drifts 3.6 cm, with inverted steps 5.2 cm."""
+RIGHT_WAY = "pose @ np.linalg.inv(step)"
 
 
 def programs_are_built() -> bool:
@@ -43,21 +44,34 @@ def red_lines(system: Path) -> list[str]:
     return red
 
 
+def opencv_odometry(tmp_path: Path) -> Path:
+    """A copy of the example without its section python, so that nothing is downloaded."""
+    folder = copied_example("opencv_odometry", tmp_path)
+    content = yaml.safe_load((folder / "system.yaml").read_text())
+    del content["runtime"]["python"]
+    (folder / "system.yaml").write_text(yaml.safe_dump(content))
+    return folder / "system.yaml"
+
+
 @pytest.mark.parametrize("name", ["remote_odometry.yaml", "folder_odometry.yaml"])
 def test_the_examples_keep_the_contract(name: str) -> None:
     assert red_lines(EXAMPLES / name) == []
 
 
 def test_opencvs_odometry_keeps_the_contract_with_the_opencv_of_slambed(tmp_path: Path) -> None:
-    """Without its section python, so that nothing is downloaded."""
-    folder = copied_example("opencv_odometry", tmp_path)
-    content = yaml.safe_load((folder / "system.yaml").read_text())
-    del content["runtime"]["python"]
-    (folder / "system.yaml").write_text(yaml.safe_dump(content))
-    code, out, _ = slambed("check-system", str(folder / "system.yaml"))
+    code, out, _ = slambed("check-system", str(opencv_odometry(tmp_path)))
     assert code == 0, out
     found = re.search(r"ATE over these frames ([\d.]+) cm", out)
     assert found is not None and float(found[1]) < MOST_DRIFT_CM, out
+
+
+def test_an_odometry_that_chains_inverted_motions_is_red(tmp_path: Path) -> None:
+    file = opencv_odometry(tmp_path)
+    program = file.with_name("run.py")
+    assert RIGHT_WAY in program.read_text()
+    program.write_text(program.read_text().replace(RIGHT_WAY, "pose @ step"))
+    (line,) = red_lines(file)
+    assert line.startswith("no  motions from frame to frame are chained as T_wc[k] = T_wc[k-1]")
 
 
 @pytest.mark.nightly
