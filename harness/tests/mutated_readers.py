@@ -31,7 +31,7 @@ from rosbags.rosbag1 import Writer as Writer1
 from rosbags.rosbag2 import StoragePlugin
 from rosbags.rosbag2 import Writer as Writer2
 from rosbags.typesys import Stores, get_typestore
-from test_import_camera import CAMODOCAL, KALIBR, OPENCV, ORBSLAM, ORBSLAM3, ROS
+from test_import_camera import CAMODOCAL, KALIBR, OPENCV, ORBSLAM, ORBSLAM3, PROJECTION, ROS
 from test_pack import experiment as results_of
 
 from slambed.campaign.pack import pack, unpack
@@ -468,6 +468,7 @@ def _calibrations() -> Files:
     texts = {"asl": SENSOR.format(x=0.1), "kalibr": KALIBR, "opencv": OPENCV, "ros": ROS}
     texts["orbslam"] = ORBSLAM
     texts |= {"orbslam3": ORBSLAM3, "camodocal": CAMODOCAL}
+    texts["ros_right"] = ROS + PROJECTION.format(k=500, t=-60)
     return {f"{name}.yaml": text.encode() for name, text in texts.items()}
 
 

@@ -209,7 +209,27 @@ def _opencv(data: dict[str, Any], where: str) -> list[CalibratedCamera]:
     model = data.get("distortion_model") or "plumb_bob"
     intrinsics = (matrix[0, 0], matrix[1, 1], matrix[0, 2], matrix[1, 2])
     lens = _lens(intrinsics, model, _numbers(_first(data, _DISTORTION)), where)
-    return [CalibratedCamera(_size(_first(data, _WIDTH), _first(data, _HEIGHT)), lens)]
+    camera = CalibratedCamera(_size(_first(data, _WIDTH), _first(data, _HEIGHT)), lens)
+    return [_with_projection(camera, data)]
+
+
+def _with_projection(camera: CalibratedCamera, data: Mapping[str, Any]) -> CalibratedCamera:
+    """Adds what ROS writes about rectified pictures: another pinhole, and in the file of the right
+    camera -fx times the baseline."""
+    if (given := data.get("projection_matrix")) is None:
+        return camera
+    projection = np.array(_numbers(given), dtype=np.float64).reshape(3, 4)
+    if not np.isfinite(projection).all() or np.abs(projection).max() > _LARGEST:
+        raise ValueError("projection_matrix has no sensible numbers")
+    remarks = camera.remarks
+    if not np.allclose(projection[:, :3], camera.lens.matrix):
+        fx, fy, cx, cy = (projection[i] for i in ((0, 0), (1, 1), (0, 2), (1, 2)))
+        remarks += (
+            f"rectified pictures have fx {fx:g}, fy {fy:g}, cx {cx:g}, cy {cy:g} "
+            "(projection_matrix) and no distortion",
+        )
+    bf = -float(projection[0, 3])
+    return replace(camera, bf=bf if bf > 0 else camera.bf, remarks=remarks)
 
 
 def _orbslam(data: dict[str, Any], where: str) -> list[CalibratedCamera]:

@@ -53,6 +53,7 @@ camera_matrix: {rows: 3, cols: 3, data: [510, 0, 320, 0, 520, 240, 0, 0, 1]}
 distortion_model: rational_polynomial
 distortion_coefficients: {rows: 1, cols: 8, data: [0.1, 0, 0, 0, 0, 0.2, 0, 0]}
 """
+PROJECTION = "projection_matrix: {{data: [{k}, 0, 320, {t}, 0, {k}, 240, 0, 0, 0, 1, 0]}}\n"
 ORBSLAM = """%YAML:1.0
 Camera.fx: 535.4
 Camera.fy: 539.2
@@ -231,6 +232,26 @@ def test_settings_of_orbslam(tmp_path: Path) -> None:
         bf=40,
         distortion=(0.1, 0, 0, 0, 0),
     )
+
+
+def test_rectified_pictures_of_ros(tmp_path: Path) -> None:
+    """The right camera's projection has -fx times the baseline in it."""
+    file = tmp_path / "right.yaml"
+    file.write_text(ROS + PROJECTION.format(k=500, t=-60))
+    text, (_, rectified) = camera_yaml(file, 0, None)
+    assert "fx: 510.0, fy: 520.0" in text and "bf: 60," in text
+    assert rectified.startswith(
+        "rectified pictures have fx 500, fy 500, cx 320, cy 240 (projection_"
+    )
+    file.write_text(ROS + PROJECTION.format(k=500, t=0))
+    text, (_, rectified, single) = camera_yaml(file, 0, None)
+    assert "bf: 0," in text and single.startswith("bf is 0")
+    same = "projection_matrix: [510, 0, 320, -51, 0, 520, 240, 0, 0, 0, 1, 0]\n"
+    file.write_text(ROS + same)
+    assert "bf: 51," in camera_yaml(file, 0, None)[0] and len(camera_yaml(file, 0, None)[1]) == 1
+    file.write_text(ROS + same.replace("-51", ".nan"))
+    with pytest.raises(SlambedError, match="projection_matrix has no sensible numbers"):
+        camera_yaml(file, 0, None)
 
 
 def test_cameras_of_vins(tmp_path: Path) -> None:
