@@ -23,12 +23,15 @@ TRACKING = ("extract", "track")
 TINY_MS = 1.0
 """Shorter parts are not reported."""
 MOST_STAGES = 4
+BESIDE = 0.5
+"""If the node's other threads worked for this share of the time in which a frame was runnable but
+did not run, it waited for them: counters do not tell whom a thread waited for."""
 WORDS = {
     "computing": "more to compute",
     "queued": "queued behind earlier frames",
     "throttled": "throttled by its limits",
     "stalled": "stalled by others on the host",
-    "shared": "sharing the device's cores",
+    "shared": "sharing the device's cores with its other threads",
     "waiting": "waiting, not for a processor",
 }
 
@@ -48,7 +51,7 @@ class SlowFrame:
     """CPU time of its tracking; None if no stage was timed."""
     throttled_ms: float = 0.0
     stalled_ms: float = 0.0
-    """Runnable within its limits, but not running."""
+    """Runnable within its limits, but not running: other threads had the cores."""
     waiting_ms: float = 0.0
     """Other wall time above CPU time, including time outside of stages."""
     stages: dict[str, float] = field(default_factory=dict)
@@ -109,13 +112,15 @@ def _explained(
     throttled_ms, stalled_ms = _taken(run, begin_s, end_s, above_ms + untimed_ms)
     if run.status.virtual:
         throttled_ms, stalled_ms = 0.0, above_ms  # the model has no limits; workers share cores
+    concurrent = _overlapping(stages, begin_s, end_s, workers)
+    shared = run.status.virtual or float(concurrent["wall_ms"].sum()) >= BESIDE * stalled_ms
     queued_ms = float(row["queued_ms"])
     waiting_ms = max(0.0, above_ms + untimed_ms - throttled_ms - stalled_ms)
     parts = {
         "computing": max(0.0, (cpu_ms or 0.0) - usual_cpu_ms),
         "queued": queued_ms,
         "throttled": throttled_ms,
-        "shared" if run.status.virtual else "stalled": stalled_ms,
+        "shared" if shared else "stalled": stalled_ms,
         "waiting": waiting_ms,
     }
     return SlowFrame(
@@ -128,7 +133,7 @@ def _explained(
         stalled_ms=stalled_ms,
         waiting_ms=waiting_ms,
         stages=_sums(own),
-        concurrent=_sums(_overlapping(stages, begin_s, end_s, workers)),
+        concurrent=_sums(concurrent),
         cause=max(parts, key=lambda name: parts[name]),
     )
 

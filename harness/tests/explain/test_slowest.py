@@ -25,6 +25,10 @@ def stage(end_s: float, name: str, worker: str, wall_ms: float, cpu_ms: float) -
     }  # fmt: skip
 
 
+# Half of it overlaps frame 7, which takes from 0.70 to 0.78 s.
+BUNDLE = [stage(0.74, "bundle", "mapping", 80.0, 80.0)]
+
+
 def run_of(
     slow: int,
     wall_ms: float,
@@ -89,6 +93,7 @@ def the_slowest(run: RunLog) -> SlowFrame:
         ("computing", {"wall_ms": 80.0, "cpu_ms": 80.0}),
         ("throttled", {"wall_ms": 80.0, "cpu_ms": 20.0, "throttled_s": 0.058, "run_delay_s": 0.06}),
         ("stalled", {"wall_ms": 80.0, "cpu_ms": 20.0, "throttled_s": 0.002, "run_delay_s": 0.06}),
+        ("shared", {"wall_ms": 80.0, "cpu_ms": 20.0, "run_delay_s": 0.06, "further": BUNDLE}),
         ("waiting", {"wall_ms": 80.0, "cpu_ms": 20.0}),
         ("waiting", {"wall_ms": 20.0, "cpu_ms": 20.0, "untimed_ms": 60.0}),
         ("queued", {"wall_ms": 30.0, "cpu_ms": 30.0, "wait_ms": 50.0}),
@@ -120,9 +125,7 @@ def test_no_part_is_more_than_is_missing() -> None:
 
 
 def test_stages_and_what_ran_beside_are_reported() -> None:
-    # Half of the bundle adjustment overlaps the frame, which takes from 0.70 to 0.78 s.
-    bundle = stage(0.74, "bundle", "mapping", 80.0, 80.0)
-    found = the_slowest(run_of(7, wall_ms=80.0, cpu_ms=80.0, further=[bundle]))
+    found = the_slowest(run_of(7, wall_ms=80.0, cpu_ms=80.0, further=BUNDLE))
     assert found.stages == {"extract": pytest.approx(48.0), "track": pytest.approx(32.0)}
     assert found.concurrent == {"bundle": pytest.approx(40.0)}
 
