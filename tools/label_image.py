@@ -17,9 +17,9 @@ import tempfile
 from pathlib import Path
 
 
-def relabel(saved: Path, labelled: Path, architecture: str) -> None:
+def relabel(saved: Path, labeled: Path, architecture: str) -> None:
     """Copies an archive of `docker save` with one image and changes the architecture."""
-    with tarfile.open(saved) as old, tarfile.open(labelled, "w") as new:
+    with tarfile.open(saved) as old, tarfile.open(labeled, "w") as new:
 
         def content(name: str) -> bytes:
             file = old.extractfile(name)
@@ -63,10 +63,10 @@ def main() -> int:
     image, architecture = sys.argv[1:]
     before = inspect(image, "Id")
     with tempfile.TemporaryDirectory(dir="/var/tmp") as folder:
-        saved, labelled = Path(folder) / "saved.tar", Path(folder) / "labelled.tar"
+        saved, labeled = Path(folder) / "saved.tar", Path(folder) / "labeled.tar"
         subprocess.run(["docker", "save", "-o", str(saved), image], check=True)
-        relabel(saved, labelled, architecture)
-        subprocess.run(["docker", "load", "--quiet", "-i", str(labelled)], check=True)
+        relabel(saved, labeled, architecture)
+        subprocess.run(["docker", "load", "--quiet", "-i", str(labeled)], check=True)
     if (shown := inspect(image, "Architecture")) != architecture:
         print(f"error: Docker still labels {image} {shown}", file=sys.stderr)
         return 1

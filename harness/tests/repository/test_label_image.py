@@ -35,7 +35,7 @@ def image() -> Iterator[str]:
     CLIENT.images.remove(name, force=True)
 
 
-def test_an_image_is_labelled_with_an_architecture(image: str) -> None:
+def test_an_image_is_labeled_with_an_architecture(image: str) -> None:
     before = CLIENT.images.get(image).attrs
     other = "amd64" if before["Architecture"] == "arm64" else "arm64"
     done = subprocess.run(
