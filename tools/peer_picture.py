@@ -3,7 +3,7 @@
 """Draws ORB-SLAM3 beside our systems on ever smaller shares of a core, and prints the table.
 
     slambed run examples/orb_slam3/orb_slam3_beside_ours.yaml --runs 10
-    .venv/bin/python tools/peer_picture.py results/orb_slam3_beside_ours docs/pictures/peer.svg
+    .venv/bin/python tools/peer_picture.py results/orb_slam3_beside_ours docs/pictures/peer.png
 
 Dots are runs, lines are medians. Times are ratios to ours alone on a whole core. The error of a run
 that tracked less than 90 % of the frames is left out, because its path is shorter.
@@ -15,7 +15,7 @@ from pathlib import Path
 
 import matplotlib
 
-matplotlib.use("svg")
+matplotlib.use("agg")
 import matplotlib.pyplot as plt
 import pandas as pd
 from matplotlib.ticker import LogLocator, NullLocator
@@ -74,7 +74,7 @@ def runs_of(folder: Path) -> pd.DataFrame:
 
 def draw(runs: pd.DataFrame, target: Path) -> None:
     """Draws one panel for each metric."""
-    plt.rcParams.update({"svg.hashsalt": "slambed", "font.size": 9, "svg.fonttype": "none"})
+    plt.rcParams.update({"font.size": 9})
     figure, axes = plt.subplots(2, 2, figsize=(9, 6), layout="constrained")
     order = list(SHARES)
     for axis, panel in zip(axes.flat, PANELS, strict=True):
@@ -107,7 +107,7 @@ def draw(runs: pd.DataFrame, target: Path) -> None:
         for line, mark, words in LINKS.values()
     ]
     figure.legend(handles=lines, loc="outside lower center", ncols=6, frameon=False)
-    figure.savefig(target, metadata={"Date": None})
+    figure.savefig(target, dpi=150)
 
 
 def told(values: pd.Series, digits: int) -> str:
