@@ -107,7 +107,7 @@ def draw(runs: pd.DataFrame, target: Path) -> None:
         for line, mark, words in LINKS.values()
     ]
     figure.legend(handles=lines, loc="outside lower center", ncols=6, frameon=False)
-    figure.savefig(target, dpi=150)
+    figure.savefig(target, dpi=120)
 
 
 def told(values: pd.Series, digits: int) -> str:
