@@ -35,7 +35,7 @@ def relabel(saved: Path, labeled: Path, architecture: str) -> None:
         (image,) = json.loads(content("manifest.json"))
         config = json.loads(content(image["Config"]))
         config["architecture"] = architecture
-        # Only arm64 v8 exists, and Docker compares the variant of the build machine with it.
+        # It would be that of the machine that built the image.
         config.pop("variant", None)
         data = json.dumps(config).encode()
         name = f"{hashlib.sha256(data).hexdigest()}.json"

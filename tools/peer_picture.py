@@ -33,9 +33,6 @@ COLORS = {
 LINKS = {"rtt_20": ("-", "o", "20 ms RTT"), "ramp_0_85_0": ("--", "x", "ramp 0 to 85 ms")}
 """Link -> line, mark and words."""
 SHARES = {1.0: "1", 0.5: "1/2", 0.25: "1/4", 0.125: "1/8"}
-TIME = "tracking time, ours alone on 1 core = 1"
-ENOUGH = 0.9
-"""Coverage from which on an error is compared."""
 BESIDE = 0.04
 """Of the distance between two shares: so far from each other are the dots of two systems."""
 
@@ -53,7 +50,7 @@ class Panel:
 PANELS = (
     Panel("coverage", "frames with a pose [%]", 100.0),
     Panel("ate_rmse_m", "ATE RMSE [cm], of runs with 90 % of the frames", 100.0),
-    Panel("time", TIME, log=True),
+    Panel("time", "tracking time, ours alone on 1 core = 1", log=True),
     Panel("mobile_mem_mb_peak", "peak memory of the robot [MB]", log=True),
 )
 
@@ -68,7 +65,7 @@ def runs_of(folder: Path) -> pd.DataFrame:
     runs["share"] = label.str.extract(r", ([0-9.]+) core", expand=False).astype(float)
     whole = runs[(runs.name == ALONE) & (runs.share == 1.0)].track_ms_median.median()
     runs["time"] = runs.track_ms_median / whole
-    runs.loc[runs.coverage < ENOUGH, "ate_rmse_m"] = float("nan")
+    runs.loc[runs.failed.astype(bool), "ate_rmse_m"] = float("nan")
     return runs
 
 

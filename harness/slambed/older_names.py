@@ -14,7 +14,7 @@ EVENTS = {"initialised": "initialized", "relocalised": "relocalized"}
 
 FIELDS = {
     "incarnation": "session",
-    "labeled_keyframes": "labeled_keyframes",
+    "labelled_keyframes": "labeled_keyframes",
     "relocalisation": "relocalization",
     "travelled_m": "traveled_m",
 }

@@ -19,6 +19,7 @@ from slambed.files.outputs import at_home, is_file
 from slambed.link.curves import Trace
 from slambed.link.ping import read_ping
 from slambed.native import repository_root
+from slambed.spec.run_spec import with_trace_names
 from slambed.suggestion import suggestion
 
 MAHIMAHI_PACKET_BITS = 1500 * 8
@@ -109,22 +110,8 @@ def at_full_paths(content: Mapping[str, Any]) -> tuple[dict[str, Any], list[Path
         files.append(find_trace(name, None).resolve())
         return str(files[-1])
 
-    def replaced(part: Any) -> Any:
-        if isinstance(part, list):
-            return [replaced(item) for item in part]
-        if not isinstance(part, Mapping):
-            return part
-        found = {key: replaced(value) for key, value in part.items()}
-        trace = found.get("trace")
-        if isinstance(trace, str):
-            found["trace"] = full(trace)
-        elif isinstance(trace, dict) and isinstance(trace.get("file"), str):
-            found["trace"] = {**trace, "file": full(trace["file"])}
-        if isinstance(digests := found.get("rate_sha256"), dict):
-            found["rate_sha256"] = {full(name): digest for name, digest in digests.items()}
-        return found
-
-    return replaced(content), list(dict.fromkeys(files))
+    replaced = with_trace_names(content, full)
+    return replaced, list(dict.fromkeys(files))
 
 
 def read_rtt_trace(description: TraceFile, near: Path | None, remarks: list[str]) -> Trace:

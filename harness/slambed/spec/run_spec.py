@@ -4,7 +4,7 @@
 import hashlib
 import json
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from numbers import Real
 from pathlib import PurePath
 from typing import Any
@@ -41,29 +41,30 @@ class LinkSpec(BaseModel):
     def meaning(self) -> dict[str, Any]:
         """Returns what identifies the link; a trace counts by its content, wherever it is
         stored."""
-        return {**self.model_dump(mode="json"), "content": _without_folders(self.content)}
+        return {**self.model_dump(mode="json"), "content": with_trace_names(self.content, _name)}
 
 
-def _without_folders(content: Any) -> Any:
-    """Returns a profile's content with the absolute paths of its traces, which have digests beside
-    them, reduced to names."""
+def with_trace_names(content: Any, rename: Callable[[str], str]) -> Any:
+    """Returns a profile's content with the names of its trace files, which have digests beside
+    them, replaced."""
     if isinstance(content, list):
-        return [_without_folders(item) for item in content]
+        return [with_trace_names(item, rename) for item in content]
     if not isinstance(content, Mapping):
         return content
-    found = {key: _without_folders(value) for key, value in content.items()}
+    found = {key: with_trace_names(value, rename) for key, value in content.items()}
     if isinstance(trace := found.get("trace"), str):
-        found["trace"] = _name(trace)
+        found["trace"] = rename(trace)
     elif isinstance(trace, dict) and isinstance(trace.get("file"), str):
-        found["trace"] = {**trace, "file": _name(trace["file"])}
+        found["trace"] = {**trace, "file": rename(trace["file"])}
     if isinstance(digests := found.get("rate_sha256"), dict):
-        named = {_name(path): digest for path, digest in digests.items()}
+        named = {rename(path): digest for path, digest in digests.items()}
         if len(named) == len(digests):  # not two files of one name
             found["rate_sha256"] = named
     return found
 
 
 def _name(path: str) -> str:
+    """Returns the name of a file that is given by its absolute path."""
     return PurePath(path).name if PurePath(path).is_absolute() else path
 
 

@@ -8,13 +8,14 @@ from pathlib import Path
 import pandas as pd
 import pytest
 
+from slambed import older_names
 from slambed.data.recipe import Dataset
 from slambed.metrics.collect import events_today, stored_log
 from slambed.metrics.event_columns import EVENT_COLUMNS, table_of
 from slambed.metrics.events import read_events
 from slambed.metrics.summary import Summary
 from slambed.native import repository_root
-from slambed.older_names import METRICS, PARAMETERS, STAGES, event_today, keys_today
+from slambed.older_names import FIELDS, METRICS, PARAMETERS, STAGES, event_today, keys_today
 from slambed.records.manifest import Manifest
 from slambed.spec.device import CostModel
 
@@ -95,3 +96,12 @@ def test_devices_and_datasets_of_users_may_have_the_old_words() -> None:
     assert [*model.stages] == ["relocalize"]
     given = {"id": "mine", "title": "Mine", "reader": "tum", "paths": ["mine"], "licence": "CC0"}
     assert Dataset.model_validate(given | {"depth_unit_m": 0.001}).license == "CC0"
+
+
+def test_no_older_name_is_todays() -> None:
+    """A correction of spelling in that file would make stored results unreadable."""
+    tables = [table for name, table in vars(older_names).items() if name.isupper()]
+    renaming = [t for t in tables if all(isinstance(today, str) for today in t.values())]
+    assert FIELDS in renaming
+    for table in renaming:
+        assert not table.keys() & set(table.values())
