@@ -457,10 +457,34 @@ def _evaluated(source: Path, work: Path) -> str:
     own, true = source / "estimate.txt", source / "truth.txt"
     for path in (read_tum(own), read_groundtruth(true)):
         sound_path(path)
+    return _errors_of(own, true)
+
+
+def _errors_of(own: Path, true: Path, times: Path | None = None) -> str:
     with contextlib.redirect_stdout(io.StringIO()) as printed:
-        evaluate(own, true)
+        evaluate(own, true, times=times)
     must(not re.search(r"\b(nan|inf)\b", printed.getvalue()), printed.getvalue())
     return printed.getvalue()
+
+
+@cache
+def _kitti_poses() -> Files:
+    """Two drives of 30 frames along a curve, and times of the frames."""
+    files: Files = {"times.txt": "".join(f"{0.1 * i:e}\n" for i in range(30)).encode()}
+    for name, scale in (("estimate", 1.01), ("truth", 1.0)):
+        rows = []
+        for i in range(30):
+            c, s = np.cos(0.1 * i), np.sin(0.1 * i)
+            turn = [c, 0, s, 10 * scale * s, 0, 1, 0, 0.1 * scale * i, -s, 0, c, 10 * scale * c]
+            rows.append(" ".join(f"{value:e}" for value in turn))
+        files[f"{name}.txt"] = ("\n".join(rows) + "\n").encode()
+    return files
+
+
+def _evaluated_by_line(source: Path, work: Path) -> str:
+    """KITTI's poses, without and with times."""
+    own, true = source / "estimate.txt", source / "truth.txt"
+    return _errors_of(own, true) + _errors_of(own, true, source / "times.txt")
 
 
 @cache
@@ -826,6 +850,7 @@ SUBJECTS = [
         for kind in STORES
     ),
     Subject("trajectory", _trajectories, _evaluated),
+    Subject("kitti_poses", _kitti_poses, _evaluated_by_line),
     Subject("trace", _columns, _linked("columns"), ("columns.yaml",)),
     Subject("ping", _ping, _linked("ping", "windows"), ("ping.yaml", "windows.yaml")),
     Subject("mahimahi", _mahimahi, _linked("mahimahi"), ("mahimahi.yaml",)),

@@ -259,8 +259,8 @@ def gate(
 
 
 def evaluate(
-    estimate: Annotated[Path, typer.Argument(help="Trajectory in TUM format.")],
-    truth: Annotated[Path, typer.Argument(help="Ground truth in TUM format.")],
+    estimate: Annotated[Path, typer.Argument(help="Trajectory: TUM, KITTI, or a ROS bag.")],
+    truth: Annotated[Path, typer.Argument(help="Ground truth: TUM, KITTI, or a ROS bag.")],
     association: Annotated[str, typer.Option(help="nearest (as evo) or tum.")] = "nearest",
     max_difference_s: Annotated[
         float, typer.Option(help="Largest difference of two associated time stamps.")
@@ -269,33 +269,60 @@ def evaluate(
         bool, typer.Option("--with-scale", help="Align with scale, Sim(3); the output names it.")
     ] = False,
     delta_s: Annotated[float, typer.Option(help="RPE: seconds between the poses of a pair.")] = 1.0,
+    times: Annotated[
+        Path | None, typer.Option(help="Times of KITTI's poses, one per line, in seconds.")
+    ] = None,
+    topic: Annotated[str | None, typer.Option(help="Topic of the estimate in a bag.")] = None,
+    truth_topic: Annotated[
+        str | None, typer.Option(help="Topic of the ground truth in a bag.")
+    ] = None,
     as_json: JsonOption = False,
 ) -> None:
     """Compute ATE and RPE of a trajectory file against ground truth."""
-    from slambed.data.trajectory import read_tum
-    from slambed.data.truth_times import in_seconds
+    from slambed.data.path_file import check_comparable, read_path
     from slambed.metrics.accuracy import absolute_error, relative_error
+    from slambed.metrics.kitti_error import kitti_error
 
     if association not in ("nearest", "tum"):
         raise SlambedError(f"unknown association '{association}'; known: nearest, tum")
     method: Literal["nearest", "tum"] = "tum" if association == "tum" else "nearest"
-    own, of_own = in_seconds(read_tum(estimate), str(estimate))
-    true, of_true = in_seconds(read_tum(truth), str(truth))
-    for note in (*of_own, *of_true):
-        typer.echo(f"note: {note}", err=True)
+    own_file = read_path(estimate, topic=topic, times=times)
+    true_file = read_path(truth, topic=truth_topic, times=times)
+    if times is not None and "kitti" not in (own_file.kind, true_file.kind):
+        raise SlambedError(
+            f"--times is for KITTI's poses, which neither {estimate} nor {truth} has"
+        )
+    own, true = own_file.trajectory, true_file.trajectory
+    rpe = per_length = None
     try:
+        check_comparable(own_file, true_file)
+        for note in (*own_file.notes, *true_file.notes):
+            typer.echo(f"note: {note}", err=True)
         ate = absolute_error(own, true, max_difference_s, method, with_scale)
-        rpe = relative_error(own, true, delta_s, max_difference_s=max_difference_s, method=method)
+        if own_file.has_orientation and true_file.has_orientation:
+            rpe = relative_error(
+                own, true, delta_s, max_difference_s=max_difference_s, method=method
+            )
+        if own_file.kind == true_file.kind == "kitti":
+            per_length = kitti_error(own, true)
     except SlambedError as error:
         raise SlambedError(f"{estimate} against {truth}: {error}", error.code) from None
     if as_json:
-        print_json({"ate_m": asdict(ate), "rpe": asdict(rpe)})
+        found = {"ate_m": asdict(ate), "rpe": asdict(rpe) if rpe is not None else None}
+        print_json(found | ({"kitti": asdict(per_length)} if per_length is not None else {}))
         return
     typer.echo(
         f"ATE RMSE {ate.rmse:.6f} m ({ate.alignment}, {ate.pairs} pairs, mean {ate.mean:.6f}, "
         f"median {ate.median:.6f}, max {ate.maximum:.6f})"
     )
-    typer.echo(
-        f"RPE RMSE over {rpe.delta}: {rpe.translation_m.rmse:.6f} m, "
-        f"{rpe.rotation_deg.rmse:.6f} deg ({rpe.translation_m.pairs} pairs)"
-    )
+    if rpe is not None:
+        typer.echo(
+            f"RPE RMSE over {rpe.delta}: {rpe.translation_m.rmse:.6f} m, "
+            f"{rpe.rotation_deg.rmse:.6f} deg ({rpe.translation_m.pairs} pairs)"
+        )
+    if per_length is not None:
+        lengths = "10 to 80" if per_length.short else "100 to 800"
+        typer.echo(
+            f"KITTI's errors over {lengths} m: {per_length.translation_percent:.4f} %, "
+            f"{per_length.rotation_deg_per_m:.6f} deg/m"
+        )

@@ -3,18 +3,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
-from contextlib import ExitStack, contextmanager, suppress
-from functools import cache, cached_property
+from collections.abc import Iterable, Iterator
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
 from rosbags.highlevel import AnyReader
-from rosbags.interfaces import Nodetype
-from rosbags.rosbag2 import Reader as RosBag2
-from rosbags.typesys import Stores, get_typestore
 
 from slambed.data.association import pairs_of_sensors
+from slambed.data.bag_file import BagFile
 from slambed.data.images import other_size
 from slambed.data.model import Frame
 from slambed.data.readers.base import ReaderOptions, SequenceReader
@@ -22,12 +19,10 @@ from slambed.data.ros_images import depth_of, gray_of
 from slambed.data.ros_poses import is_without_turn, poses_of, truth_of
 from slambed.data.trajectory import Trajectory
 from slambed.errors import SlambedError
-from slambed.suggestion import did_you_mean
 
 _IMAGES = ("sensor_msgs/msg/Image", "sensor_msgs/msg/CompressedImage")
 #: The clocks of header and recorder may differ by a constant offset, but not in their rate.
 _CLOCK_RATIO, _CLOCK_SLACK_S = 1.5, 2.0
-_LONGEST_REASON = 160
 
 
 class Reader(SequenceReader):
@@ -44,8 +39,10 @@ class Reader(SequenceReader):
 
     def __init__(self, path: Path, options: ReaderOptions) -> None:
         super().__init__(path, options)
-        self._parts = [path, *(part for part in options.further_parts if _goes_on(path, part))]
-        if (others := len(options.further_parts) + 1 - len(self._parts)) > 0:
+        self._bag = BagFile(
+            [path, *(part for part in options.further_parts if _goes_on(path, part))]
+        )
+        if (others := len(options.further_parts) + 1 - len(self._bag.parts)) > 0:
             self.notes.append(f"{path}: 'paths' matches {others} more that are no parts of it")
         self._second = None if options.sensor == "mono" else self._topic_option("second_topic")
         self._first = self._topic_option("first_topic")
@@ -57,7 +54,7 @@ class Reader(SequenceReader):
         if self._second:
             times[self._second] = []
         received: list[int] = []
-        with self._open() as bag:
+        with self._bag.open() as bag:
             for topic, message, received_ns in self._messages(bag, list(times)):
                 times[topic].append(_stamp_ns(message))
                 received.append(received_ns)
@@ -109,7 +106,7 @@ class Reader(SequenceReader):
             wanted[self._second] = {b for _, b in self._pairs if b is not None}
         waiting: dict[tuple[str, int], Any] = {}
         position = 0
-        with self._open() as bag:
+        with self._bag.open() as bag:
             for topic, message, _ in self._messages(bag, list(wanted)):
                 if (stamp := _stamp_ns(message)) in wanted[topic]:
                     waiting.setdefault((topic, stamp), message)
@@ -124,7 +121,7 @@ class Reader(SequenceReader):
                     position += 1
 
     def files(self) -> Iterable[Path]:
-        for part in self._parts:
+        for part in self._bag.parts:
             yield from sorted(part.iterdir()) if part.is_dir() else [part]
 
     def trajectory(self) -> Trajectory | None:
@@ -132,7 +129,7 @@ class Reader(SequenceReader):
         if topic is None:
             return None
         where = f"{self.path} {topic}"
-        with self._open() as bag:
+        with self._bag.open() as bag:
             messages = (message for _, message, _ in self._messages(bag, [str(topic)]))
             poses = poses_of(messages, where)
         if is_without_turn(poses):
@@ -161,63 +158,14 @@ class Reader(SequenceReader):
             raise SlambedError(f"{self.path}: reader_options needs {name} (see 'rosbags' topics)")
         return str(self.options.extra[name])
 
-    @contextmanager
-    def _open(self) -> Iterator[AnyReader]:
-        with ExitStack() as stack:
-            with self._library():
-                bag = AnyReader(self._parts, default_typestore=_standard())
-                if self.path.is_dir() and not bag.is2:
-                    # The library takes every path that ends with .bag for a file of ROS 1.
-                    bag.is2, bag.readers = True, [RosBag2(part) for part in self._parts]
-                bag.open()
-                stack.callback(_close, bag)
-                names = [name for c in bag.connections for name in (c.topic, c.msgtype)]
-                if not all(isinstance(name, str) for name in names):
-                    raise ValueError("a topic, or the type of its messages, is no text")
-            yield bag
-
-    @contextmanager
-    def _library(self) -> Iterator[None]:
-        """Wraps calls into `rosbags`, whose parsers raise exceptions of any type for a damaged
-        file."""
-        try:
-            yield
-        except Exception as broken:
-            raise SlambedError(f"{self.path}: {_reason(broken)}") from broken
-
     def _messages(self, bag: AnyReader, topics: list[str]) -> Iterator[tuple[str, Any, int]]:
-        """Yields topic, message, and the time at which the bag recorded it."""
-        present = sorted({connection.topic for connection in bag.connections})
-        for topic in topics:
-            if topic not in present:
-                raise SlambedError(
-                    f"{self.path}: no topic '{topic}'{did_you_mean(topic, present)}; "
-                    f"in the bag: {', '.join(present)}"
-                )
-        chosen = [c for c in bag.connections if c.topic in topics]
-        for connection in chosen:
-            self._check_kind(connection.topic, connection.msgtype, bag)
-        with self._library():
-            messages = iter(bag.messages(connections=chosen))
-        while True:
-            with self._library():
-                if (found := next(messages, None)) is None:
-                    return
-                connection, received_ns, raw = found
-                received_ns = int(received_ns)
-                message = bag.deserialize(raw, connection.msgtype)
-            yield connection.topic, message, received_ns
+        return self._bag.messages(bag, topics, self._check_kind)
 
-    def _check_kind(self, topic: str, kind: str, bag: AnyReader) -> None:
+    def _check_kind(self, topic: str, kind: str) -> None:
         if topic in (self._first, self._second) and kind not in _IMAGES:
             raise SlambedError(
                 f"{self.path}: topic '{topic}' has {kind}, expected {' or '.join(_IMAGES)}; "
                 "name the topic of the pictures"
-            )
-        if (other := _other_fields(kind, bag.typestore.fielddefs)) is not None:
-            raise SlambedError(
-                f"{self.path}: topic '{topic}': the bag defines {other} otherwise than ROS does; "
-                "record it again with the messages of ROS"
             )
 
 
@@ -225,49 +173,6 @@ def _goes_on(first: Path, part: Path) -> bool:
     """Returns whether `part` belongs to the same recording: same folder and same type."""
     same_kind = (first.suffix, first.is_dir()) == (part.suffix, part.is_dir())
     return same_kind and first.parent == part.parent
-
-
-def _close(bag: AnyReader) -> None:
-    """Closes a bag that was only read; errors of a damaged bag do not matter then."""
-    with suppress(Exception):
-        bag.close()
-
-
-@cache
-def _standard() -> Any:
-    """Returns the standard ROS messages, for bags without definitions."""
-    return get_typestore(Stores.ROS2_HUMBLE)
-
-
-def _other_fields(kind: str, fields: Any) -> str | None:
-    """Returns the name of the message, this one or a nested one, that lacks a field of the standard
-    ROS definition, or None. ROS 1 messages may have more fields. Messages that ROS does not define
-    are not checked."""
-    known = _standard().fielddefs
-    if kind not in known:
-        return None
-    _, found = fields.get(kind, ((), ()))
-    for field in known[kind][1]:
-        if field not in found:
-            return kind
-        node, what = field[1]
-        if node != Nodetype.NAME and node != Nodetype.BASE:
-            node, what = what[0]
-        if node == Nodetype.NAME and (other := _other_fields(what, fields)) is not None:
-            return other
-    return None
-
-
-def _reason(broken: Exception) -> str:
-    """Shortens a library's error to one line, with a fix for bags left by crashes."""
-    reported: Sequence[object] = broken.args or (broken,)
-    lines = " ".join(str(part) for part in reported).strip().splitlines()
-    what = lines[0][:_LONGEST_REASON] if lines and lines[0] else type(broken).__name__
-    if "end magic" in what:
-        return "the file is cut off, as a crash leaves it; repair it with 'mcap recover'"
-    if "index" in what.lower():
-        return f"cannot be read as a bag: {what}; repair it with 'rosbag reindex'"
-    return f"cannot be read as a bag: {what}"
 
 
 def _stamp_ns(message: Any) -> int:
