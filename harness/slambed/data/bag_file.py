@@ -126,6 +126,13 @@ def _reason(broken: Exception) -> str:
     what = lines[0][:_LONGEST_REASON] if lines and lines[0] else type(broken).__name__
     if "end magic" in what:
         return "the file is cut off, as a crash leaves it; repair it with 'mcap recover'"
+    if "metadata file" in what:
+        return (
+            "cannot be read as a bag: a folder without metadata.yaml; name one that 'ros2 bag "
+            "record' wrote, or repair it with 'ros2 bag reindex'"
+        )
+    if ".active" in what:
+        return "a recording that was not closed; repair it with 'rosbag reindex', then rename it"
     if "index" in what.lower():
         return f"cannot be read as a bag: {what}; repair it with 'rosbag reindex'"
     return f"cannot be read as a bag: {what}"

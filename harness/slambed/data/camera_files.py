@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from slambed.data.lens import Lens, coefficients_of, model_of
 from slambed.data.model import LARGEST_SIDE
-from slambed.data.rotations import check_rotation
+from slambed.data.rotations import check_pose
 from slambed.data.text_file import read_lines
 from slambed.errors import SlambedError
 from slambed.files.yaml_text import read_yaml
@@ -76,6 +76,7 @@ def read_cameras(file: Path) -> tuple[str, list[CalibratedCamera]]:
 
 def _load(file: Path) -> tuple[str, dict[str, Any]]:
     text = "\n".join(read_lines(file))
+    text = re.sub(r"(?m)\n---[ \t]*\s*\Z", "\n", text)  # rostopic echo ends each message so
     if _OPENCV.search(text) is not None:
         text = _GLUED.sub(r"\1: ", _OPENCV.sub("", text))
     try:
@@ -128,6 +129,12 @@ def _lens(intrinsics: Sequence[Any], model: object, distortion: Sequence[Any], w
     return Lens(matrix, coefficients_of([float(v) for v in distortion], name, where), name)
 
 
+def _resolution(given: Any) -> tuple[int, int]:
+    if not isinstance(given, list) or len(given) != 2:
+        raise ValueError(f"its resolution is {given!r}, expected [width, height]")
+    return _size(*given)
+
+
 def _size(width: Any, height: Any) -> tuple[int, int]:
     size = int(width), int(height)
     if min(size) < 1 or max(size) > LARGEST_SIDE:
@@ -144,8 +151,11 @@ def _must_be_pinhole(data: Mapping[str, Any], where: str) -> None:
 
 
 def _pose(values: Any, where: str) -> Floats:
-    matrix = np.array(values, dtype=np.float64).reshape(4, 4)
-    check_rotation(matrix[:3, :3], where)
+    given = np.array(values, dtype=np.float64)
+    if given.size != 16:
+        raise SlambedError(f"{where}: {given.size} numbers, expected 4x4; correct the file")
+    matrix = given.reshape(4, 4)
+    check_pose(matrix, where)
     if not np.abs(matrix).max() <= _LARGEST:
         raise SlambedError(
             f"{where}: a number of the pose is {np.abs(matrix).max():g}, expected meters; "
@@ -162,7 +172,7 @@ def _asl(data: dict[str, Any], where: str) -> list[CalibratedCamera]:
         data["distortion_coefficients"],
         where,
     )
-    size = _size(*data["resolution"])
+    size = _resolution(data["resolution"])
     return [CalibratedCamera(size, lens, _pose(data["T_BS"]["data"], f"{where}: T_BS"))]
 
 
@@ -181,7 +191,7 @@ def _kalibr(data: dict[str, Any], where: str) -> list[CalibratedCamera]:
             # OpenVINS's camchains have each camera's place on the IMU only.
             pose = np.linalg.inv(to_imu) @ to_imu_before
         to_imu_before = to_imu
-        cameras.append(CalibratedCamera(_size(*entry["resolution"]), lens, pose))
+        cameras.append(CalibratedCamera(_resolution(entry["resolution"]), lens, pose))
     return cameras
 
 
@@ -194,10 +204,12 @@ def _camera_to_imu(entry: Mapping[str, Any], place: str) -> Floats | None:
     return None
 
 
-_MATRIX = ("camera_matrix", "cameraMatrix", "Camera_Matrix", "K", "M1")
+_MATRIX = ("camera_matrix", "cameraMatrix", "Camera_Matrix", "K", "k", "M1")
 _DISTORTION = (
-    "distortion_coefficients", "distCoeffs", "Distortion_Coefficients", "dist_coeffs", "D", "D1",
+    "distortion_coefficients", "distCoeffs", "Distortion_Coefficients", "dist_coeffs", "D", "d",
+    "D1",
 )  # fmt: skip
+_PROJECTION = ("projection_matrix", "P", "p")
 _WIDTH, _HEIGHT = (
     ("image_width", "image_Width", "width"),
     ("image_height", "image_Height", "height"),
@@ -206,7 +218,17 @@ _WIDTH, _HEIGHT = (
 
 def _opencv(data: dict[str, Any], where: str) -> list[CalibratedCamera]:
     matrix = np.array(_numbers(_first(data, _MATRIX)), dtype=np.float64).reshape(3, 3)
-    model = data.get("distortion_model") or "plumb_bob"
+    if not np.allclose(matrix[2], [0, 0, 1], atol=1e-6):
+        found = " ".join(f"{value:g}" for value in matrix[2])
+        raise ValueError(
+            f"the last row of its camera matrix is {found}, expected 0 0 1 (written by columns?)"
+        )
+    # OpenCV's own calibration program writes fisheye_model.
+    usual = "equidistant" if data.get("fisheye_model") else "plumb_bob"
+    model = data.get("distortion_model") or usual
+    for name in ("binning_x", "binning_y"):
+        if float(data.get(name) or 0) > 1:
+            raise ValueError(f"{name} is {data[name]}, so its numbers are of larger pictures")
     intrinsics = (matrix[0, 0], matrix[1, 1], matrix[0, 2], matrix[1, 2])
     lens = _lens(intrinsics, model, _numbers(_first(data, _DISTORTION)), where)
     camera = CalibratedCamera(_size(_first(data, _WIDTH), _first(data, _HEIGHT)), lens)
@@ -216,7 +238,8 @@ def _opencv(data: dict[str, Any], where: str) -> list[CalibratedCamera]:
 def _with_projection(camera: CalibratedCamera, data: Mapping[str, Any]) -> CalibratedCamera:
     """Adds what ROS writes about rectified pictures: another pinhole, and in the file of the right
     camera -fx times the baseline."""
-    if (given := data.get("projection_matrix")) is None:
+    given = next((data[name] for name in _PROJECTION if name in data), None)
+    if given is None:
         return camera
     projection = np.array(_numbers(given), dtype=np.float64).reshape(3, 4)
     if not np.isfinite(projection).all() or np.abs(projection).max() > _LARGEST:
@@ -226,7 +249,7 @@ def _with_projection(camera: CalibratedCamera, data: Mapping[str, Any]) -> Calib
         fx, fy, cx, cy = (projection[i] for i in ((0, 0), (1, 1), (0, 2), (1, 2)))
         remarks += (
             f"rectified pictures have fx {fx:g}, fy {fy:g}, cx {cx:g}, cy {cy:g} "
-            "(projection_matrix) and no distortion",
+            "(its projection matrix) and no distortion",
         )
     bf = -float(projection[0, 3])
     return replace(camera, bf=bf if bf > 0 else camera.bf, remarks=remarks)
@@ -240,9 +263,11 @@ def _orbslam(data: dict[str, Any], where: str) -> list[CalibratedCamera]:
     if bf is None and (baseline_m := data.get("Stereo.b")) is not None:
         bf = fx * float(baseline_m)
     remarks = []
-    if (given := data.get("RGBD.DepthMapFactor")) is not None:
-        factor = float(given)
-        remarks.append(f"RGBD.DepthMapFactor {factor:g} is 'depth_unit_m: {1 / factor:.6g}'")
+    for name in ("RGBD.DepthMapFactor", "DepthMapFactor"):
+        if name in data:
+            if not (factor := float(data[name])) > 0:
+                raise ValueError(f"{name} is {factor:g}, expected above 0")
+            remarks.append(f"{name} {factor:g} is 'depth_unit_m: {1 / factor:.6g}'")
     if "Camera.newWidth" in data or "Camera.newHeight" in data:
         remarks.append("ORB-SLAM makes pictures smaller (Camera.newWidth), slambed does not")
     cameras = [
@@ -266,6 +291,15 @@ def _orbslam_camera(data: dict[str, Any], head: str, where: str) -> CalibratedCa
             f"{', '.join(_ORBSLAM_DISTORTION)}"
         )
     model, names = _ORBSLAM_DISTORTION[kind]
+    unused = [
+        name
+        for name in ("k1", "k2", "k3", "k4", "p1", "p2")
+        if name not in names and float(data.get(f"{head}.{name}") or 0) != 0
+    ]
+    if unused:
+        raise ValueError(
+            f"{head}.{unused[0]} is not one of a {kind} camera; is Camera.type KannalaBrandt8?"
+        )
     distortion = [data.get(f"{head}.{name}", 0.0) for name in names]
     lens = _lens(intrinsics, model, distortion, where)
     return CalibratedCamera(_size(data["Camera.width"], data["Camera.height"]), lens)

@@ -111,7 +111,9 @@ class Catalog:
         dataset = self.get(name)
         if not dataset.first_of:
             return dataset
-        choices = [self.resolve(choice, cache_dir) for choice in dataset.first_of]
+        choices = [
+            self.resolve(self._named_by(dataset, choice), cache_dir) for choice in dataset.first_of
+        ]
         return next((c for c in choices if self.available(c, cache_dir)), choices[-1])
 
     def stands_in_for(self, name: str, cache_dir: Path | None = None) -> Dataset | None:
@@ -119,8 +121,13 @@ class Catalog:
         dataset = self.get(name)
         if not dataset.first_of:
             return None
-        wanted = self.get(dataset.first_of[0])
+        wanted = self.get(self._named_by(dataset, dataset.first_of[0]))
         return None if self.resolve(name, cache_dir).id == wanted.id else wanted
+
+    def _named_by(self, dataset: Dataset, name: str) -> str:
+        """Returns the name of another dataset in a dataset file; that of a file is relative to
+        it."""
+        return str(self._home(dataset) / name) if name.endswith(YAML) else name
 
     def available(self, dataset: Dataset, cache_dir: Path | None = None) -> bool:
         """Returns whether prepare would find the source."""
@@ -137,7 +144,7 @@ class Catalog:
         unchanged."""
         if dataset.window_of is None:
             return dataset
-        whole = self.get(dataset.window_of)
+        whole = self.get(self._named_by(dataset, dataset.window_of))
         if whole.first_of or whole.window_of:
             raise SlambedError(
                 f"dataset '{dataset.id}': window_of {whole.id}, which is no sequence of its own; "
@@ -162,7 +169,9 @@ class Catalog:
             if own is None
         ]
         for folder, pattern in named + searched:
-            if found := sorted(folder.glob(pattern), key=in_reading_order):
+            # A name with brackets is a pattern, too.
+            as_named = [folder / pattern] if places.exists(folder / pattern) else []
+            if found := as_named or sorted(folder.glob(pattern), key=in_reading_order):
                 return found
         return []
 

@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from slambed.data.camera_files import CalibratedCamera, Floats, read_cameras
+from slambed.data.model import implausible
 from slambed.errors import SlambedError
 
 BESIDE = 0.95
@@ -31,7 +32,11 @@ def camera_yaml(file: Path, number: int, baseline_m: float | None) -> tuple[str,
         notes += _of_rig(number + 1, place, distance_m)
     if bf is None:
         bf = 0.0
+    if bf == 0:
         notes.append("bf is 0, as for one camera; of stereo and depth say --baseline-m")
+    fx, cx, cy = (float(camera.lens.matrix[place]) for place in ((0, 0), (0, 2), (1, 2)))
+    if wrong := implausible(cx, cy, bf / fx, camera.size):
+        raise SlambedError(f"{file}: {wrong}; calibrate again, or say --baseline-m")
     return _text(camera, bf), notes
 
 

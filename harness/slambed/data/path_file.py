@@ -85,6 +85,8 @@ def _kind_of(path: Path) -> Literal["tum", "kitti", "bag"]:
             if not (path / "metadata.yaml").is_file():
                 raise SlambedError(f"{path}: a folder, and no ROS 2 bag: it has no metadata.yaml")
             return "bag"
+        if path.exists() and not path.is_file():
+            raise SlambedError(f"{path}: a pipe or device, which can be read once; give a file")
         with path.open("rb") as file:
             start = file.read(max(map(len, _BAGS)))
     except OSError as refused:
@@ -107,12 +109,19 @@ def _of_kitti(path: Path, times: Path | None) -> PathFile:
         stamps_s = KITTI_PERIOD_S * np.arange(len(rows), dtype=np.float64)
         note = f"{path}: KITTI's poses have no times; they are taken as {KITTI_PERIOD_S:g} s apart"
         return PathFile(Trajectory.of_matrices(stamps_s, matrices), "kitti", [note], False)
-    stamps = [values[0] for _, values in pose_rows(times, 1, "a time in seconds")]
+    rows_of_times = pose_rows(times, 1, "a time in seconds")
+    stamps = [values[0] for _, values in rows_of_times]
     if len(stamps) != len(rows):
         raise SlambedError(
             f"{times}: {len(stamps)} times for the {len(rows)} poses of {path}; expected a line "
             "for each"
         )
+    for (line, _), before, after in zip(rows_of_times[1:], stamps, stamps[1:], strict=False):
+        if after <= before:
+            raise SlambedError(
+                f"{times}:{line}: {after:.6f} is not later than {before:.6f}; is this the file of "
+                "these poses?"
+            )
     found, notes = in_seconds(Trajectory.of_matrices(np.array(stamps), matrices), str(times))
     return PathFile(found, "kitti", notes)
 

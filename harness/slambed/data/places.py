@@ -61,6 +61,14 @@ def is_open(folder: Path) -> bool:
     return os.access(folder, os.R_OK | os.X_OK)
 
 
+def exists(path: Path) -> bool:
+    """Returns whether there is a file or folder that may be looked at."""
+    try:
+        return path.exists()
+    except OSError:
+        return False
+
+
 def state_of(folder: Path) -> str:
     """Returns why a folder cannot be searched; empty if it can."""
     if is_open(folder):

@@ -10,10 +10,17 @@ from dataclasses import dataclass
 
 from slambed.errors import SlambedError
 
-TIMES = {"time", "timestamp", "timestamps", "t", "stamp"}
+_TIME = re.compile(
+    r"(?:time|timestamps?|t|stamp)(?:_?(s|sec|secs|seconds|ms|msec|us|usec|ns|nsec|nanoseconds))?"
+)
 _UNIT = re.compile(r"\s*[\[(]\s*([^\])]*?)\s*[\])]")
+_UNITS = {
+    "sec": "s", "secs": "s", "second": "s", "seconds": "s", "msec": "ms", "milliseconds": "ms",
+    "usec": "us", "\u00b5s": "us", "microseconds": "us", "nsec": "ns", "nanoseconds": "ns",
+}  # fmt: skip
+"""Other words for units."""
 _POSITION = re.compile(r"(?:t|p|pos|position|p_rs_r)?_?([xyz])")
-_ROTATION = re.compile(r"(?:q|quat|quaternion|orientation|q_rs)_?([xyzw])")
+_ROTATION = re.compile(r"(?:q|quat|quaternion|orientation|rotation|rot|r|q_rs)_?([xyzw])")
 _WANTED = ("time", "x", "y", "z", "qx", "qy", "qz", "qw")
 
 
@@ -49,18 +56,27 @@ def named_columns(lines: Sequence[str], where: str) -> PoseColumns | None:
                 "('timestamp(s) tx ty tz qx qy qz qw')"
             )
         if all(names.count(name) == 1 for name in _WANTED):
-            unit = _UNIT.search(line)
-            first = names[0] == "time" and unit is not None
-            return PoseColumns(
-                tuple(names.index(name) for name in _WANTED),
-                unit.group(1) if unit is not None and first else None,
+            unit = _unit_of(line, words[0]) if names[0] == "time" else None
+            return PoseColumns(tuple(names.index(name) for name in _WANTED), unit)
+        unknown = [word for word, name in zip(words, names, strict=True) if name not in _WANTED]
+        if names[:1] == ["time"] and len(words) >= len(_WANTED) and {"x", "y", "z"} <= {*names}:
+            raise SlambedError(
+                f"{where}: a header with {', '.join(unknown) or 'a name twice'}, which no pose "
+                f"has; expected {' '.join(_WANTED)} in any order"
             )
     return None
 
 
+def _unit_of(line: str, first: str) -> str | None:
+    """Returns the unit of time that a header names, in brackets or as a part of its name."""
+    found = _UNIT.search(line) or _TIME.fullmatch(first.lower())
+    word = (found.group(1) or "").lower() if found is not None else ""
+    return _UNITS.get(word, word) or None
+
+
 def _name(word: str) -> str:
     lower = word.lower()
-    if lower in TIMES:
+    if _TIME.fullmatch(lower):
         return "time"
     if (found := _ROTATION.fullmatch(lower)) is not None:
         return f"q{found.group(1)}"

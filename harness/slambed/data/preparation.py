@@ -16,7 +16,7 @@ from typing import Protocol
 
 import numpy as np
 
-from slambed.data.model import Frame
+from slambed.data.model import Frame, implausible
 from slambed.data.prepared import PreparedWriter, stride_bytes
 from slambed.data.readers.base import FolderReader, SequenceReader
 from slambed.data.recipe import CameraRecipe, Dataset
@@ -32,7 +32,7 @@ Progress = Callable[[int, int], None]
 Notify = Callable[[str], None]
 
 #: To be incremented when a change of this code requires sequences to be prepared again.
-PREPARATION_VERSION = 3
+PREPARATION_VERSION = 4
 #: A median depth outside this range indicates a wrong unit.
 DEPTH_MEDIAN_RANGE_M = (0.1, 50.0)
 _DEPTH_SAMPLE_EVERY = 25
@@ -84,6 +84,10 @@ class SourceJob:
         for note in reader.notes:
             notify(f"note: {note}")
         straighten = _straightener(dataset.camera)
+        camera = reader.camera()
+        baseline_m = camera.bf / camera.fx
+        if wrong := implausible(camera.cx, camera.cy, baseline_m, (width, height)):
+            raise SlambedError(f"{reader.path}: {wrong}; correct the calibration")
         with PreparedWriter(
             path,
             id=dataset.id,
@@ -92,7 +96,7 @@ class SourceJob:
             width=width,
             height=height,
             fps=dataset.fps,
-            camera=reader.camera(),
+            camera=camera,
             depth_unit_m=dataset.depth_unit_m if dataset.sensor == "rgbd" else 0.0,
             close_depth_baselines=dataset.close_depth_baselines,
             source={

@@ -19,6 +19,9 @@ from slambed.errors import SlambedError
 _DEPTH_HEADER = struct.Struct("<iff")
 #: Beyond the range of any depth camera: such values are millimeters.
 _FARTHEST_M = 100.0
+#: Depth is kept in 16 bits; what is farther counts as not measured, unless it is more than this
+#: share of a picture.
+_STEPS, _LOST_SHARE = 65_535, 0.1
 _LAYOUTS: dict[str, tuple[str, int]] = {
     "mono8": ("u1", 1), "8UC1": ("u1", 1), "rgb8": ("u1", 3), "bgr8": ("u1", 3),
     "8UC3": ("u1", 3), "rgba8": ("u1", 4), "bgra8": ("u1", 4),
@@ -92,7 +95,12 @@ def _steps(meters: NDArray[Any], name: str, unit_m: float) -> NDArray[np.uint16]
             f"median {np.median(finite):g}; are they millimeters? Convert the topic to meters"
         )
     steps = np.nan_to_num(meters, nan=0.0, posinf=0.0, neginf=0.0) / unit_m
-    return np.where((steps > 0) & (steps < 65535), np.rint(steps), 0).astype(np.uint16)
+    if np.count_nonzero(steps >= _STEPS) > _LOST_SHARE * finite.size:
+        raise SlambedError(
+            f"{name}: depth up to {finite.max():g} m does not fit into {_STEPS} steps of "
+            f"depth_unit_m {unit_m:g}; take a larger unit"
+        )
+    return np.where((steps > 0) & (steps < _STEPS), np.rint(steps), 0).astype(np.uint16)
 
 
 def _pixels(message: Any, name: str) -> tuple[NDArray[Any], str]:

@@ -26,6 +26,18 @@ def check_rotation(matrix: Floats, where: str) -> None:
         raise SlambedError(f"{where}: a mirror image, not a rotation; check the order of the axes")
 
 
+def check_pose(matrix: Floats, where: str) -> None:
+    """Raises SlambedError if the matrix [4,4] is no pose: its rotation is none, or it is written by
+    columns."""
+    check_rotation(matrix[:3, :3], where)
+    if not np.allclose(matrix[3], [0, 0, 0, 1], atol=1e-3):
+        found = " ".join(f"{value:g}" for value in matrix[3])
+        raise SlambedError(
+            f"{where}: the last row of a pose is {found}, expected 0 0 0 1; is it written by "
+            "columns?"
+        )
+
+
 def check_quaternions(quaternions: Floats, where: list[str]) -> None:
     """Raises SlambedError for the first quaternion [N,4] whose length is not 1."""
     with np.errstate(over="ignore"):

@@ -19,7 +19,8 @@ _EPOCH_S = (631_152_000, 4_102_444_800)
 _RATE_FACTOR = 100
 #: A gap longer than both this time and this number of usual steps is a clock jump.
 _GAP_S, _GAP_STEPS, _LONGEST_GAP_S = 60.0, 100, 86_400.0
-_LARGEST_NS = 2**63 - 1
+LARGEST_NS = 2**63 - 1
+_DIGITS = 19
 #: Frame -> where its time is written, for complaints.
 Place = Callable[[int], str]
 
@@ -33,7 +34,8 @@ def number_or_date(text: str) -> Decimal:
         value = Decimal(text)
     except InvalidOperation:
         return _date(text)
-    if not value.is_finite() or abs(value) > _LARGEST_NS:
+    # Its exponent is asked first: comparing 1e99999999 overflows.
+    if not value.is_finite() or value.adjusted() > _DIGITS or abs(value) > LARGEST_NS:
         raise ValueError(f"'{text}' is not a time")
     return value
 
@@ -96,7 +98,7 @@ def unit_question(counts: Sequence[Decimal], usual: str, fps: float, where: str)
 def to_ns(count: Decimal, unit: str) -> int:
     """Converts to exact nanoseconds. Raises ValueError if that exceeds 64 bits."""
     time_ns = int((count * NS_PER[unit]).to_integral_value())
-    if abs(time_ns) > _LARGEST_NS:
+    if abs(time_ns) > LARGEST_NS:
         raise ValueError(f"{count} {unit} is further from 1970 than 292 years")
     return time_ns
 

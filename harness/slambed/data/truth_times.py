@@ -21,6 +21,9 @@ _FEWEST_PAIRS = 3
 _USUAL_SHARE = 0.5
 #: Of trajectories: a hundred times faster or slower is still believed.
 _USUAL_FPS = 30.0
+_FASTEST_POSES_HZ = 2000.0
+_DATES_S = 1e8
+"""Later times are dates."""
 
 Floats = NDArray[np.float64]
 
@@ -33,14 +36,17 @@ def fitting_truth(
     Raises SlambedError if no frame has a pose close to its time.
     """
     frames_s = np.array(times_ns, dtype=np.float64) * 1e-9
+    truth, without_time = _of_this_clock(frames_s, truth, where)
     for unit, ns in NS_PER.items():
         scaled = truth
         if unit != "s":
             scaled = replace(truth, stamps_s=truth.stamps_s * (ns / NS_PER["s"]))
+        if unit != "s" and not _is_usual(scaled):
+            continue
         if (paired := _paired(frames_s, scaled)) >= min(_FEWEST_PAIRS, len(frames_s)):
-            return scaled, _notes(unit, paired, frames_s, scaled, where)
+            return scaled, without_time + _notes(unit, paired, frames_s, scaled, where)
     if (paired := _paired(frames_s, truth)) > 0:
-        return truth, _notes("s", paired, frames_s, truth, where)
+        return truth, without_time + _notes("s", paired, frames_s, truth, where)
     raise _misfit(frames_s, np.sort(truth.stamps_s), where)
 
 
@@ -53,6 +59,24 @@ def in_seconds(path: Trajectory, where: str) -> tuple[Trajectory, list[str]]:
         return path, []
     scaled = replace(path, stamps_s=path.stamps_s * (NS_PER[unit] / NS_PER["s"]))
     return scaled, [f"{where}: times are read as {UNIT_NAMES[unit]}"]
+
+
+def _of_this_clock(frames_s: Floats, truth: Trajectory, where: str) -> tuple[Trajectory, list[str]]:
+    """Leaves out poses at time 0 among dates, which were recorded before the clock was known."""
+    zero = truth.stamps_s == 0
+    if not zero.any() or zero.all() or not len(frames_s) or frames_s.min() < _DATES_S:
+        return truth, []
+    count = np.count_nonzero(zero)
+    return truth.take(np.flatnonzero(~zero)), [
+        f"{where}: {count} poses of the ground truth at time 0 are left out"
+    ]
+
+
+def _is_usual(truth: Trajectory) -> bool:
+    """Returns whether poses come at a rate that something measures: seconds that are taken for
+    milliseconds come a thousand times as fast."""
+    steps_s = np.diff(np.sort(truth.stamps_s))
+    return len(steps_s) == 0 or float(np.median(steps_s)) >= 1 / _FASTEST_POSES_HZ
 
 
 def _paired(frames_s: Floats, truth: Trajectory) -> int:

@@ -12,6 +12,7 @@ import yaml
 from pydantic import BaseModel, ValidationError
 
 from slambed.errors import SlambedError
+from slambed.files.encodings import decode_text
 from slambed.files.yaml_text import with_parser
 from slambed.suggestion import suggestion
 
@@ -28,6 +29,8 @@ KINDS = {
 """Error type of pydantic -> what was expected, in terms of YAML."""
 _POWER_OF_TEN = re.compile(r"([+-]?\d+)(?:\.(\d*))?[eE]\+?(\d+)")
 """Numbers such as 1e9, which YAML 1.1 reads as text: it wants a point and a sign."""
+_OTHER_BASE = re.compile(r"[+-]?(?:0_*[0-7][0-7_]*$|[\d_.]*:)")
+"""Numbers that YAML 1.1 reads in another base, which nobody means."""
 Model = TypeVar("Model", bound=BaseModel)
 
 
@@ -59,10 +62,10 @@ def load_yaml(path: Path) -> YamlSource:
 
 def _text(path: Path) -> str:
     try:
-        return path.read_text(encoding="utf-8")
+        return decode_text(path.read_bytes(), str(path))
     except FileNotFoundError:
         raise SlambedError(f"no such file: {path}") from None
-    except (OSError, UnicodeDecodeError) as error:
+    except OSError as error:
         raise SlambedError(f"cannot read {path}: {error}") from None
 
 
@@ -113,7 +116,14 @@ def _construct(
             _construct(loader, child, (*location, index), lines, path)
             for index, child in enumerate(node.value)
         ]
-    return loader.construct_object(node)
+    value = loader.construct_object(node)
+    if type(value) in (int, float) and _OTHER_BASE.match(node.value):
+        line = node.start_mark.line + 1
+        raise SlambedError(
+            f"'{node.value}' is {value} in YAML (a leading 0 is octal, a ':' base 60), {path} line "
+            f"{line}; write it in decimal, or quote it"
+        )
+    return value
 
 
 def parse(model: type[Model], source: YamlSource) -> Model:

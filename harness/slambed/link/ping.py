@@ -51,18 +51,22 @@ def read_ping(lines: list[str]) -> PingLog:
         (line, found)
         for line in lines
         if (found := _UNIX.search(line) or _FPING.search(line)) is not None
+        and any(letter.isalpha() for letter in found[3])  # otherwise the line is cut off
     ]
     return _unix(unix) if unix else PingLog(_windows(lines), False)
 
 
 def _unix(replies: list[tuple[str, re.Match[str]]]) -> PingLog:
-    """Unwraps sequence numbers; the first reply of a duplicate counts. If all lines have
-    timestamps, the send time is the timestamp minus the RTT."""
+    """Unwraps sequence numbers; the first reply of a duplicate counts. If most lines have
+    timestamps, the send time is the timestamp minus the RTT, and the others are left out."""
     stamps = [_stamp_s(line) for line, _ in replies]
-    is_stamped = None not in stamps
+    # A log may begin or end in the middle of a line.
+    is_stamped = 2 * stamps.count(None) < len(stamps)
     echoes: dict[int, Echo] = {}
     number = int(replies[0][1][1])
     for (line, found), stamp in zip(replies, stamps, strict=True):
+        if is_stamped and stamp is None:
+            continue
         number += (int(found[1]) - number + _WRAP // 2) % _WRAP - _WRAP // 2
         if number in echoes:
             if not line.rstrip().endswith(_MARKED):

@@ -24,6 +24,8 @@ from slambed.suggestion import suggestion
 
 MAHIMAHI_PACKET_BITS = 1500 * 8
 _LONGEST_RATE_MS = 10**9
+_LATEST_START_MS = 3_600_000
+"""A trace that begins later counts from another time than its own start."""
 _MAX_GAP_S = 1.0
 _PING_INTERVAL_S = 1.0
 """Default of ping on every system."""
@@ -144,9 +146,9 @@ def _check(path: Path, times: np.ndarray, values: np.ndarray, description: Trace
         raise SlambedError(f"negative latency {place}, {path}; clean the file")
     steps = np.diff(times)
     if (bad := np.flatnonzero(steps <= 0)).size:
-        raise SlambedError(
-            f"time does not increase at {times[bad[0]]:.3f} s, {path}; sort the file"
-        )
+        at, step = times[bad[0]], steps[bad[0]]
+        found = "two samples have the same time" if step == 0 else f"time goes back by {-step:g} s"
+        raise SlambedError(f"{found} at {at:.3f} s, {path}; sort the file or remove the line")
     longest_s = _longest_gap_s(steps, description)
     if (bad := np.flatnonzero(steps > longest_s)).size:
         start = times[bad[0]] + description.start_s
@@ -247,6 +249,11 @@ def read_rate_trace(name: str, near: Path | None) -> list[int]:
             raise SlambedError(
                 f"'{line[:20]}' is not a whole number of milliseconds, {path} line {number}"
             ) from None
+        if not opportunities and time_ms > _LATEST_START_MS:
+            raise SlambedError(
+                f"the first packet is at {time_ms / 1e3:g} s, {path} line {number}; give "
+                "milliseconds from the start of the trace"
+            )
         if time_ms < (opportunities[-1] if opportunities else 0):
             raise SlambedError(f"time goes back, {path} line {number}; sort the file")
         if time_ms > _LONGEST_RATE_MS:

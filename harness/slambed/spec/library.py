@@ -3,7 +3,7 @@
 
 import os
 from pathlib import Path
-from typing import TypeVar
+from typing import TypeGuard, TypeVar
 
 from pydantic import BaseModel
 
@@ -45,6 +45,7 @@ class Library:
         source = swept(changed(load_yaml(path), settings or []))
         _anchor_systems(source)
         _anchor_datasets(source)
+        _anchor_profiles(source)
         experiment = parse(Experiment, source)
         if experiment.id != path.stem:
             raise source.complaint(
@@ -146,7 +147,7 @@ def _anchor_systems(source: YamlSource) -> None:
     entries = source.data.get("systems") if isinstance(source.data, dict) else None
     for entry in entries if isinstance(entries, list) else []:
         named = entry.get("system") if isinstance(entry, dict) else None
-        if isinstance(named, str) and named.endswith((".yaml", ".yml")):
+        if _is_file_name(named):
             entry["system"] = str(resolved(source.path.parent / named))
 
 
@@ -154,8 +155,30 @@ def _anchor_datasets(source: YamlSource) -> None:
     """Resolves `datasets: [./mine/dataset.yaml]` likewise."""
     names = source.data.get("datasets") if isinstance(source.data, dict) else None
     for index, name in enumerate(names if isinstance(names, list) else []):
-        if isinstance(name, str) and name.endswith((".yaml", ".yml")):
+        if _is_file_name(name):
             source.data["datasets"][index] = str(resolved(source.path.parent / name))
+
+
+def _anchor_profiles(source: YamlSource) -> None:
+    """Resolves `profiles: [./mine.yaml]` likewise; a file that is not there is looked for in the
+    current folder."""
+    link = source.data.get("link") if isinstance(source.data, dict) else None
+    profiles = link.get("profiles") if isinstance(link, dict) else None
+    if not isinstance(profiles, list):
+        return
+    for index, item in enumerate(profiles):
+        named = item.get("profile") if isinstance(item, dict) else item
+        if not _is_file_name(named) or not is_file(source.path.parent / named):
+            continue
+        beside = str(resolved(source.path.parent / named))
+        if isinstance(item, dict):
+            item["profile"] = beside
+        else:
+            profiles[index] = beside
+
+
+def _is_file_name(name: object) -> TypeGuard[str]:
+    return isinstance(name, str) and name.endswith((".yaml", ".yml"))
 
 
 def _stems(folder: Path) -> list[str]:

@@ -57,13 +57,13 @@ def stamped(i: int, x: float, w: float = 1.0) -> Any:
     return message("geometry_msgs/msg/PoseStamped", header=header(ns), pose=pose(x, w))
 
 
-def write(path: Path, topics: dict[str, list[Any]]) -> Path:
-    """Messages of a topic are 100 ms apart, like their headers."""
+def write(path: Path, topics: dict[str, list[Any]], first: int = 0) -> Path:
+    """Messages of a topic are 100 ms apart, like their headers; the first one is number `first`."""
     with Writer(path) as writer:
         for topic, messages in topics.items():
             kind = messages[0].__msgtype__
             connection = writer.add_connection(topic, kind, typestore=STORE)
-            for i, one in enumerate(messages):
+            for i, one in enumerate(messages, first):
                 writer.write(connection, START_NS + i * 10**8, STORE.serialize_ros1(one, kind))
     return path
 
@@ -235,7 +235,9 @@ def test_bad_ground_truth_is_named(tmp_path: Path, messages: list[Any], complain
 
 
 def test_parts_of_a_split_bag_are_one_recording(tmp_path: Path) -> None:
-    parts = [write(tmp_path / f"w_{i}.bag", {"/gray": pictures(2, first=2 * i)}) for i in range(3)]
+    parts = [
+        write(tmp_path / f"w_{i}.bag", {"/gray": pictures(2, first=2 * i)}, 2 * i) for i in range(3)
+    ]
     found = reader(parts[0], parts=tuple(parts[1:]))
     assert len(found) == 6 and list(found.files()) == parts
     assert all(np.array_equal(frame.gray, gray(i)) for i, frame in enumerate(found))

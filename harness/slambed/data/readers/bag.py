@@ -3,8 +3,10 @@
 
 from __future__ import annotations
 
+import statistics
 from collections.abc import Iterable, Iterator
 from functools import cached_property
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -23,6 +25,8 @@ from slambed.errors import SlambedError
 _IMAGES = ("sensor_msgs/msg/Image", "sensor_msgs/msg/CompressedImage")
 #: The clocks of header and recorder may differ by a constant offset, but not in their rate.
 _CLOCK_RATIO, _CLOCK_SLACK_S = 1.5, 2.0
+#: A picture may come after its successor: its stamp is a step earlier then.
+_OVERTAKEN_STEPS = 1.5
 
 
 class Reader(SequenceReader):
@@ -46,6 +50,11 @@ class Reader(SequenceReader):
             self.notes.append(f"{path}: 'paths' matches {others} more that are no parts of it")
         self._second = None if options.sensor == "mono" else self._topic_option("second_topic")
         self._first = self._topic_option("first_topic")
+        if self._first == self._second:
+            raise SlambedError(
+                f"{path}: reader_options: first_topic and second_topic are both '{self._first}'; "
+                "name the topic of the second sensor"
+            )
 
     @cached_property
     def _pairs(self) -> list[tuple[int, int | None]]:
@@ -79,6 +88,7 @@ class Reader(SequenceReader):
             raise SlambedError(
                 f"{self.path} {topic}: all header stamps are zero; let the driver stamp its images"
             )
+        self._check_order(topic, stamps)
         if (again := len(stamps) - len(set(stamps))) > 0:
             self.notes.append(
                 f"{self.path} {topic}: {again} images have the stamp of another one and are left "
@@ -90,6 +100,25 @@ class Reader(SequenceReader):
                 f"{self.path} {topic}: header stamps last {own_s:.1f} s and the bag {bag_s:.1f} s; "
                 "frames are played by their header stamps"
             )
+
+    def _check_order(self, topic: str, stamps: list[int]) -> None:
+        """Pictures may overtake each other, and are sorted then. A clock that was set back would
+        mix what was recorded before and after."""
+        steps = [b - a for a, b in pairwise(stamps)]
+        back = [-step for step in steps if step < 0]
+        if not back:
+            return
+        usual = statistics.median([step for step in steps if step > 0] or [0])
+        if max(back) > _OVERTAKEN_STEPS * usual:
+            at = next(i for i, step in enumerate(steps) if -step == max(back))
+            raise SlambedError(
+                f"{self.path} {topic} message {at + 2}: header stamps go back by "
+                f"{max(back) * 1e-9:.6f} s; was the clock set while recording? Cut the bag there"
+            )
+        self.notes.append(
+            f"{self.path} {topic}: {len(back)} images have an earlier stamp than the one before; "
+            "frames are played in the order of their stamps"
+        )
 
     def __len__(self) -> int:
         return len(self._pairs)

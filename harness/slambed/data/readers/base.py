@@ -28,7 +28,7 @@ from slambed.errors import SlambedError
 from slambed.files.outputs import is_file
 from slambed.suggestion import did_you_mean
 
-_NUMBER = re.compile(r"(?:frame-)?(\d{1,18})")
+_NUMBER = re.compile(r"([^\W\d]*[-_ ]?)(\d{1,18})")
 
 
 @dataclass(frozen=True)
@@ -213,17 +213,32 @@ class FolderReader(SequenceReader):
 
 
 def numbered(folder: Path, pattern: str) -> list[Path]:
-    """Returns files sorted by number, `frame-9` before `frame-10`; by name if a file has none."""
+    """Returns files sorted by number, `frame-9` before `frame-10`; by name if a file has none.
+
+    Raises SlambedError for files with different names before their numbers.
+    """
     files = sorted(folder.glob(pattern))
+    named = {head[1]: file for file in files if (head := _numbered_name(file)) is not None}
     if any(number_of(file) is None for file in files):
         return files
+    if len(named) > 1:
+        one, other = list(named.values())[:2]
+        raise SlambedError(
+            f"{folder}: images of several names, as {one.name} and {other.name}; give each camera "
+            "a folder of its own"
+        )
     return sorted(files, key=lambda file: number_of(file) or 0)
 
 
 def number_of(file: Path) -> int | None:
-    """Returns the number in a file name such as frame-000012.color.png or 000012.png."""
-    digits = _NUMBER.fullmatch(file.name.partition(".")[0])
-    return int(digits[1]) if digits else None
+    """Returns the number in a file name such as frame-000012.color.png, img_12.png or
+    000012.png."""
+    found = _numbered_name(file)
+    return int(found[2]) if found else None
+
+
+def _numbered_name(file: Path) -> re.Match[str] | None:
+    return _NUMBER.fullmatch(file.name.partition(".")[0])
 
 
 def first_missing(files: list[Path]) -> tuple[int, int]:

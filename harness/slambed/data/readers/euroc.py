@@ -4,8 +4,10 @@ with mav0/mocap0."""
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable
 from dataclasses import dataclass
+from decimal import Decimal
 from pathlib import Path
 
 import cv2
@@ -20,12 +22,17 @@ from slambed.data.model import Camera, Frame, GrayImage
 from slambed.data.pose_columns import PoseColumns, named_columns
 from slambed.data.readers.base import FolderReader, ReaderOptions, require, require_poses
 from slambed.data.rotations import check_quaternions
+from slambed.data.stamps import NS_PER, UNIT_NAMES, recognized_unit
 from slambed.data.text_file import pose_rows, read_lines, table_lines
 from slambed.data.trajectory import Trajectory
 from slambed.errors import SlambedError
 from slambed.files.outputs import is_file
 
 _POSE = "time, x, y, z, qw, qx, qy, qz"
+#: Between time and file; the name of a file may contain blanks.
+_SEPARATOR = re.compile(r"\s*[,;]\s*|\s+")
+#: Nominal rate of ground truth.
+_POSES_PER_S = 100.0
 _COLUMNS = PoseColumns((0, 1, 2, 3, 5, 6, 7, 4), "ns")
 #: Poses of the body, which is the IMU; TUM-VI's motion capture also refers to the IMU.
 _POSES = ("state_groundtruth_estimate0/data.csv", "mocap0/data.csv")
@@ -66,7 +73,10 @@ class Reader(FolderReader):
             self._frames = [(left[i], right[0][j]) for i, j in pairs]
             self._note_unpaired(len(left), len(pairs))
         if not self._frames:
-            raise SlambedError(f"{self._mav}: cam0 and cam1 have no time in common")
+            raise SlambedError(
+                f"{self._mav}: cam0 and cam1 have no time in common within 1 ms; re-time one of "
+                "them, or take 'sensor: mono'"
+            )
         self._sensors = [read_asl(self._sensor_file(name)) for name in self._names]
         if len({sensor.size for sensor in self._sensors}) > 1:
             raise SlambedError(f"{self._mav}: cam0 and cam1 have different resolutions")
@@ -137,7 +147,17 @@ class Reader(FolderReader):
         raw_rectified[:3, :3] = self._rotations[0].T
         pose = self._sensors[0].pose
         assert pose is not None
-        stamps_s = rows[:, 0] * (1.0 if named.unit == "s" else 1e-9)
+        unit = named.unit if named.unit in NS_PER else None
+        if unit is None or named is _COLUMNS:
+            counts = [Decimal(repr(float(stamp))) for stamp in rows[:, 0]]
+            unit = recognized_unit(counts, "ns", _POSES_PER_S) or "ns"
+            if unit != "ns":
+                raise SlambedError(
+                    f"{file}: times in {UNIT_NAMES[unit]}, where EuRoC has nanoseconds; is it in "
+                    "TUM's order, qw last? Add a first line that names the columns: '#timestamp "
+                    "[s], x, y, z, qx, qy, qz, qw'"
+                )
+        stamps_s = rows[:, 0] * (NS_PER[unit] / NS_PER["s"])
         found = Trajectory.of_matrices(stamps_s, world_body @ (pose @ raw_rectified))
         return found.take(np.argsort(found.stamps_s, kind="stable"))
 
@@ -202,7 +222,7 @@ class Reader(FolderReader):
         listing = require(folder / "data.csv", "list of images")
         rows = []
         for number, line in table_lines(listing):
-            time, _, name = (part.strip() for part in line.partition(","))
+            time, _, name = _SEPARATOR.sub(",", line.strip(), count=1).partition(",")
             rows.append((number, time, name.rstrip(" ,;") or f"{time}.png"))
         times_ns = self._in_ns(listing, [(number, time) for number, time, _ in rows], "ns")
         images = [

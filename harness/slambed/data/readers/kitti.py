@@ -53,13 +53,14 @@ class Reader(FolderReader):
             raise SlambedError(f"{path / 'image_0'}: no PNG images; unpack the gray images there")
         if options.sensor == "stereo":
             require(path / "image_1", "right gray images; 'sensor: mono' works without")
+        self._lines, self._times_ns = self._read_times()
         missing, first = first_missing(self._left)
         if missing:
+            by = "line, as there are as many as images" if self._by_line else "number"
             self.notes.append(
                 f"{path / 'image_0'}: {missing} images are missing, the first is number {first}; "
-                "times and poses go by number"
+                f"times and poses go by {by}"
             )
-        self._lines, self._times_ns = self._read_times()
         height, width = read_gray(self._left[0], None, self.gray_range).shape
         self._size = (width, height)
 
@@ -99,12 +100,17 @@ class Reader(FolderReader):
                 f"{self._calibration}:{line0}: the focal lengths of P0 are {p0[0, 0]:g} and "
                 f"{p0[1, 1]:g}, expected to be above 0; fetch the file again"
             )
-        bf = -p1[0, 3]
+        if self.options.sensor == "stereo" and not np.allclose(p0[:, :3], p1[:, :3], atol=1e-3):
+            raise SlambedError(
+                f"{self._calibration}:{line1}: P0 and P1 differ in more than their fourth column, "
+                "so the pictures are not rectified; rectify them, or take 'sensor: mono'"
+            )
+        bf = p0[0, 3] - p1[0, 3]
         if bf < 0 or (bf == 0 and self.options.sensor == "stereo"):
             raise SlambedError(
                 f"{self._calibration}:{line1}: the fourth number of P1 is {p1[0, 3]:g}, expected "
-                "below 0 (minus fx times baseline): the right camera is not to the right of the "
-                "left one; correct the file or swap image_0 and image_1"
+                f"below {p0[0, 3]:g} (minus fx times baseline): the right camera is not to the "
+                "right of the left one; correct the file or swap image_0 and image_1"
             )
         return Camera(fx=p0[0, 0], fy=p0[1, 1], cx=p0[0, 2], cy=p0[1, 2], bf=bf)
 
@@ -131,6 +137,7 @@ class Reader(FolderReader):
         # One time per line, a date with a time of day, or all times in one line.
         if len(rows) == 1 and len(self._left) > 1:
             rows = [(rows[0][0], word) for word in rows[0][1].split()]
+        self._by_line = len(rows) == len(self._left)
         chosen = [rows[k] for k in self._places_in(len(rows), self._times_file, "times")]
         return [line for line, _ in chosen], self._in_ns(self._times_file, chosen, "s")
 

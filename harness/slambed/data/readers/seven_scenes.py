@@ -19,7 +19,8 @@ from slambed.data.readers.base import (
     number_of,
     numbered,
 )
-from slambed.data.rotations import check_rotation
+from slambed.data.rotations import check_pose
+from slambed.data.stamps import LARGEST_NS
 from slambed.data.text_file import fields, read_lines
 from slambed.data.trajectory import Trajectory
 from slambed.errors import SlambedError
@@ -55,6 +56,11 @@ class Reader(FolderReader):
                 "times go by number"
             )
         self._numbers = [(n or 0) - (numbers[0] or 0) for n in numbers]
+        if self._numbers[-1] / options.fps * 1e9 > LARGEST_NS:
+            raise SlambedError(
+                f"{folder}: at {options.fps:g} frames a second the last image would be "
+                f"{self._numbers[-1] / options.fps:.3g} s later; correct fps of the dataset file"
+            )
 
     def __len__(self) -> int:
         return len(self._color)
@@ -91,7 +97,9 @@ class Reader(FolderReader):
                 f"{len(poses) - len(known)} of {len(poses)} frames are without a pose"
             )
         for i in known:
-            check_rotation(poses[i][:3, :3], str(self._sibling(i, "pose.txt")))
+            check_pose(poses[i], str(self._sibling(i, "pose.txt")))
+        if not known:
+            return None
         times_s = np.array([self._time_ns(i) for i in known], dtype=np.float64) * 1e-9
         return Trajectory.of_matrices(times_s, np.array([poses[i] for i in known]))
 

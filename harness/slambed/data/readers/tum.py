@@ -79,10 +79,16 @@ class Reader(FolderReader):
         yield from self._lists
         if self.options.groundtruth:
             yield require_poses(self.path / self.options.groundtruth)
-        for color, depth in self._frames:
-            yield color.file
-            if depth is not None:
-                yield depth.file
+        for pair in self._frames:
+            for listing, image in zip(self._lists, pair, strict=False):
+                if image is None:
+                    continue
+                if not is_file(image.file):
+                    raise SlambedError(
+                        f"{image.file}: no such file, which {listing.name} line {image.line} "
+                        "names; complete the dataset"
+                    )
+                yield image.file
 
     def trajectory(self) -> Trajectory | None:
         if not self.options.groundtruth:

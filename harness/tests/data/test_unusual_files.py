@@ -1,0 +1,235 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Files that were read with another meaning, or refused with a line that helps nobody."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from command_line import refused, slambed
+from test_data_bags import START_NS, image, reader, write
+from test_data_readers import options, write_seven_scenes
+
+from slambed.data.camera_files import read_cameras
+from slambed.data.catalog import Catalog
+from slambed.data.import_camera import camera_yaml
+from slambed.data.model import implausible
+from slambed.data.readers import load_reader
+from slambed.data.readers.base import numbered
+from slambed.data.ros_images import depth_of
+from slambed.data.trajectory import Trajectory, read_tum
+from slambed.data.truth_times import fitting_truth
+from slambed.errors import SlambedError
+from slambed.files.yaml_source import load_yaml
+from slambed.link.ping import read_ping
+from slambed.link.traces import read_rate_trace
+
+ROW = "0.5 1 2 3 0.6 0 0 0.8\n"
+
+
+@pytest.mark.parametrize(
+    ("header", "row"),
+    [
+        ("time_s,px,py,pz,qw,qx,qy,qz", "0.5,1,2,3,0.8,0.6,0,0"),
+        ("timestamp_ns,x,y,z,qw,qx,qy,qz", "5e8,1,2,3,0.8,0.6,0,0"),
+        ("time (usec),x,y,z,qx,qy,qz,qw", "5e5,1,2,3,0.6,0,0,0.8"),
+        ("# t x y z rw rx ry rz", "0.5 1 2 3 0.8 0.6 0 0"),
+        ("#time_s qx qy qz qw tx ty tz", "0.5 0.6 0 0 0.8 1 2 3"),
+    ],
+)
+def test_names_and_units_of_a_header_count(tmp_path: Path, header: str, row: str) -> None:
+    path = tmp_path / "a.txt"
+    path.write_text(f"{header}\n{row}\n")
+    assert read_tum(path).rows()[0].tolist() == pytest.approx([0.5, 1, 2, 3, 0.6, 0, 0, 0.8])
+
+
+def test_a_header_with_an_unknown_name_is_refused(tmp_path: Path) -> None:
+    """Which of q0 to q3 is the real part is a matter of taste."""
+    path = tmp_path / "a.txt"
+    path.write_text("t,x,y,z,q0,q1,q2,q3\n0.5,1,2,3,0.8,0.6,0,0\n")
+    with pytest.raises(SlambedError, match="a header with q0, q1, q2, q3, which no pose has"):
+        read_tum(path)
+
+
+def pictures_at(*stamps_ms: int) -> list[Any]:
+    return [image(START_NS + ms * 10**6, np.zeros((48, 64), np.uint8), "mono8") for ms in stamps_ms]
+
+
+def test_a_bag_whose_clock_was_set_back_is_refused(tmp_path: Path) -> None:
+    """Sorted by stamp, pictures of before and after would be mixed."""
+    bag = write(tmp_path / "a.bag", {"/gray": pictures_at(0, 100, 200, 300, 120, 220, 320)})
+    with pytest.raises(SlambedError, match=r"/gray message 5: header stamps go back by 0\.18"):
+        len(reader(bag))
+
+
+def test_a_picture_that_overtook_another_is_sorted(tmp_path: Path) -> None:
+    bag = write(tmp_path / "a.bag", {"/gray": pictures_at(0, 100, 300, 200, 400)})
+    found = reader(bag)
+    assert found.times_ns() == [START_NS + ms * 10**6 for ms in (0, 100, 200, 300, 400)]
+    assert "1 images have an earlier stamp than the one before" in found.notes[0]
+
+
+def test_one_topic_is_no_pair(tmp_path: Path) -> None:
+    bag = write(tmp_path / "a.bag", {"/gray": pictures_at(0, 100)})
+    with pytest.raises(SlambedError, match="first_topic and second_topic are both '/gray'"):
+        reader(bag, "stereo", second_topic="/gray")
+
+
+def test_poses_that_were_never_known_and_written_by_columns(tmp_path: Path) -> None:
+    folder = tmp_path / "s"
+    write_seven_scenes(folder)
+    files = sorted(folder.glob("*.pose.txt"))
+    for file in files:
+        np.savetxt(file, np.full((4, 4), -np.inf))
+    found: Any = load_reader("seven_scenes")(folder, options())
+    assert found.trajectory() is None and "3 of 3 frames are without a pose" in found.notes[0]
+    pose = np.eye(4)
+    pose[3, :3] = 0.1, 0.2, 0.3
+    for file in files:
+        np.savetxt(file, pose)
+    with pytest.raises(SlambedError, match=r"last row of a pose is 0\.1 0\.2 0\.3 1, expected"):
+        found.trajectory()
+
+
+def test_images_go_by_the_number_behind_any_name(tmp_path: Path) -> None:
+    for number in (0, 1, 10, 2):
+        (tmp_path / f"img_{number}.png").touch()
+    names = [file.stem for file in numbered(tmp_path, "*.png")]
+    assert names == ["img_0", "img_1", "img_2", "img_10"]
+    (tmp_path / "right_3.png").touch()
+    with pytest.raises(SlambedError, match=r"images of several names, as img_.* and right_3"):
+        numbered(tmp_path, "*.png")
+
+
+def test_seconds_are_not_taken_for_milliseconds(tmp_path: Path) -> None:
+    """As milliseconds, four of these poses would come at the time of a frame."""
+    stamps_s = np.arange(100.0, 200.0, 0.01)
+    zeros = np.zeros((len(stamps_s), 3))
+    truth = Trajectory(stamps_s, zeros, np.tile([0, 0, 0, 1.0], (len(stamps_s), 1)))
+    frames_ns = [round(1e9 * n / 30) for n in range(150)]
+    with pytest.raises(SlambedError, match="does not overlap the frames"):
+        fitting_truth(frames_ns, truth, "here")
+
+
+def test_poses_before_the_clock_was_set_are_left_out() -> None:
+    stamps_s = np.array([0.0, 0.0, 1.7e9, 1.7e9 + 0.1, 1.7e9 + 0.2])
+    truth = Trajectory(stamps_s, np.zeros((5, 3)), np.tile([0, 0, 0, 1.0], (5, 1)))
+    frames_ns = [round(1e9 * (1.7e9 + 0.1 * n)) for n in range(3)]
+    found, notes = fitting_truth(frames_ns, truth, "here")
+    assert len(found) == 3 and notes == ["here: 2 poses of the ground truth at time 0 are left out"]
+
+
+def test_depth_that_does_not_fit_is_refused() -> None:
+    depth = image(0, np.full((4, 4), 20.0, np.float32), "32FC1")
+    with pytest.raises(SlambedError, match="up to 20 m does not fit into 65535 steps"):
+        depth_of(depth, "here", 0.0002)
+    assert depth_of(depth, "here", 0.001).max() == 20_000
+
+
+OPENCV = """image_width: 640
+image_height: 480
+camera_matrix: {{rows: 3, cols: 3, data: [{matrix}]}}
+distortion_coefficients: [0.1, 0.2, 0, 0]
+"""
+UPRIGHT = "500, 0, 320, 0, 500, 240, 0, 0, 1"
+
+
+def test_calibrations_of_opencv(tmp_path: Path) -> None:
+    file = tmp_path / "a.yaml"
+    file.write_text(OPENCV.format(matrix="500, 0, 0, 0, 500, 0, 320, 240, 1"))
+    assert "written by columns" in refused(2, "data", "import-camera", str(file))
+    file.write_text(OPENCV.format(matrix=UPRIGHT) + "fisheye_model: 1\n")
+    assert read_cameras(file)[1][0].lens.model == "equidistant"
+    file.write_text(OPENCV.format(matrix=UPRIGHT) + "binning_x: 2\n")
+    assert "binning_x is 2" in refused(2, "data", "import-camera", str(file))
+
+
+def test_camera_info_of_both_ros(tmp_path: Path) -> None:
+    """`rostopic echo` ends with a line of dashes; ROS 2 has small letters."""
+    file = tmp_path / "a.yaml"
+    for k, d, p, end in (("K", "D", "P", "---\n"), ("k", "d", "p", "")):
+        file.write_text(
+            f"width: 640\nheight: 480\n{k}: [{UPRIGHT}]\n{d}: [0.1, 0.2, 0, 0, 0]\n"
+            f"{p}: [500, 0, 320, -60, 0, 500, 240, 0, 0, 0, 1, 0]\n{end}"
+        )
+        assert "bf: 60," in camera_yaml(file, 0, None)[0]
+
+
+def test_numbers_that_no_camera_has() -> None:
+    assert not implausible(320, 240, 0.1, (640, 480))
+    assert "cx 3200 is far outside" in implausible(3200, 240, 0.1, (640, 480))
+    assert "is it in mm?" in implausible(320, 240, 110.0, (640, 480))
+    assert implausible(320, 240, float("nan"), (640, 480))
+
+
+def test_a_log_that_begins_and_ends_within_a_line() -> None:
+    reply = "64 bytes from 1.1.1.1: icmp_seq={n} ttl=57 time={rtt}"
+    lines = [reply.format(n=1, rtt="11.1 ms")]
+    lines += [f"[{100 + 0.2 * n}] " + reply.format(n=n, rtt="11.1 ms") for n in (2, 3, 4)]
+    lines.append("[101.0] " + reply.format(n=5, rtt="11"))
+    log = read_ping(lines)
+    assert log.is_stamped and len(log.echoes) == 3
+    assert log.echoes[1].sent - log.echoes[0].sent == pytest.approx(0.2)
+
+
+def test_a_rate_trace_counts_from_its_start(tmp_path: Path) -> None:
+    trace = tmp_path / "a.up"
+    trace.write_text("900000000\n900000001\n")
+    with pytest.raises(SlambedError, match=r"the first packet is at 900000 s, .* line 1"):
+        read_rate_trace(str(trace), None)
+
+
+@pytest.mark.parametrize("number", ["040", "1:30", "-017", "1:30.5"])
+def test_numbers_in_another_base_are_refused(tmp_path: Path, number: str) -> None:
+    file = tmp_path / "a.yaml"
+    file.write_text(f"name: a\nrtt_ms: {number}\n")
+    with pytest.raises(SlambedError, match=r"a leading 0 is octal.*line 2"):
+        load_yaml(file)
+    file.write_text("name: '040'\nrtt_ms: [0, 0.5, -0.25, 0x1F, 10]\n")
+    assert load_yaml(file).data["rtt_ms"] == [0, 0.5, -0.25, 31, 10]
+
+
+@pytest.mark.parametrize("encoding", ["utf-8-sig", "utf-16", "latin-1"])
+def test_yaml_in_other_encodings(tmp_path: Path, encoding: str) -> None:
+    file = tmp_path / "a.yaml"
+    file.write_bytes("title: Küche\n".encode(encoding))
+    assert load_yaml(file).data == {"title": "Küche"}
+
+
+def dataset_file(folder: Path, name: str, text: str) -> Path:
+    folder.mkdir(exist_ok=True)
+    file = folder / f"{name}.yaml"
+    file.write_text(f"id: {name}\ntitle: {name}\n{text}")
+    return file
+
+
+def test_files_named_in_a_dataset_are_beside_it(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    walk = "synthetic: {trajectory: office, seconds: 1}\n"
+    for folder in ("own", "other"):
+        dataset_file(tmp_path / folder, "whole", walk + f"note: {folder}\n")
+    file = dataset_file(tmp_path / "own", "part", "window_of: ./whole.yaml\n")
+    first = dataset_file(tmp_path / "own", "choice", "first_of: [./whole.yaml]\n")
+    monkeypatch.chdir(tmp_path / "other")
+    catalog = Catalog.load(tmp_path / "own", [])
+    assert catalog.whole(catalog.get(str(file))).note == "own"
+    assert catalog.resolve(str(first)).note == "own"
+
+
+def test_a_pipe_is_named(tmp_path: Path) -> None:
+    os.mkfifo(tmp_path / "p")
+    assert "a pipe or device" in refused(2, "evaluate", str(tmp_path / "p"), str(tmp_path / "p"))
+
+
+def test_times_of_kitti_increase(tmp_path: Path) -> None:
+    poses, times = tmp_path / "poses.txt", tmp_path / "times.txt"
+    poses.write_text("".join(f"1 0 0 {n} 0 1 0 0 0 0 1 {n * n}\n" for n in range(4)))
+    times.write_text("0\n0.2\n0.1\n0.3\n")
+    line = refused(2, "evaluate", str(poses), str(poses), "--times", str(times))
+    assert f"{times}:3: 0.100000 is not later than 0.200000" in line
+    times.write_text("0\n1\n2\n3\n")
+    assert slambed("evaluate", str(poses), str(poses), "--times", str(times))[0] == 0
