@@ -85,7 +85,13 @@ def measure(
     if name not in paper.metrics:
         return Measured(Found(None, "no_metric", f"no number of ours for '{name}'"), NOTHING)
     found = find_runs(paper, pool.runs, system, conditions)
-    return values_of(paper, pool, name, found, conditions)
+    measured = values_of(paper, pool, name, found, conditions)
+    if measured.there or found.runs is None or found.stand_in:
+        return measured
+    # The paper's own sequence may be an excerpt, too short for this number; then substitutes count.
+    others = pool.runs[~pool.runs["dataset"].isin(set(found.runs["dataset"]))]
+    again = values_of(paper, pool, name, find_runs(paper, others, system, conditions), conditions)
+    return again if again.there and again.found.stand_in else measured
 
 
 def values_of(

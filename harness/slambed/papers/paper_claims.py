@@ -60,6 +60,8 @@ class ClaimLine:
     """The pairs besides the shown one, failing ones first."""
     chain_words: tuple[str, str]
     """What the pairs are called: one, several."""
+    begun: bool
+    """Whether a number of ours is in it."""
 
     @property
     def failing(self) -> list[PairLine]:
@@ -105,8 +107,14 @@ def claims_per_engine(
         [replace(line, note=spelled(line.note, paper)) for line in claim_lines(column, every=True)]
         for column in columns
     ]
-    rows = [list(lines) for lines in zip(*found, strict=True)]
+    rows = [_with_number(lines) for lines in zip(*found, strict=True)]
     return [r for r in rows if r[0].anchor in main], [r for r in rows if r[0].anchor not in main]
+
+
+def _with_number(lines: Sequence[ClaimLine]) -> list[ClaimLine]:
+    """Leaves out the kinds of engine that have no number, where another one has."""
+    told = [line for line in lines if line.begun]
+    return told or list(lines)
 
 
 @dataclass(frozen=True)
@@ -196,6 +204,7 @@ def _claim(engine: str, item: JudgedOrdering) -> ClaimLine:
         "; ".join(filter(None, (item.holding, item.floor))),
         item.others,
         item.chain_words,
+        item.begun,
     )
 
 

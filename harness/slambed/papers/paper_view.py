@@ -430,6 +430,9 @@ def terminal_lines(verdicts: PaperVerdicts, experiments: list[Results]) -> list[
             *(line for found in headline(verdicts, column) for line in found.lines),
         ]
         claims = claim_lines(column)
+        if len(verdicts.columns) > 1:
+            # What this kind of engine did not play, the other one may have.
+            claims = [c for c in claim_lines(column, every=True) if c.begun]
         shown = claims if len(claims) <= SHOWN_CLAIMS else claims[: SHOWN_CLAIMS - 1]
         lines += [claim.line for claim in shown]
         if len(claims) > len(shown):

@@ -121,6 +121,20 @@ def test_each_run_of_a_stand_in_counts(paper: Paper) -> None:
     assert len(column(paper, real).rows["edgesem.C32"].measured.values) == 1
 
 
+def test_an_excerpt_without_the_number_leaves_it_to_the_stand_in(paper: Paper) -> None:
+    """C24 needs 100 m of one drive. An excerpt of KITTI 07 is shorter, and has no such number."""
+    link = "infocom_wifi_5g"
+    nothing = float("nan")
+    short = runs("adaptive", link, "rre_deg_per_m", nothing, dataset="kitti_07_left")
+    drive = runs("adaptive", link, "rre_deg_per_m", 0.1, dataset="synthetic_block_laps_mono")
+    row = column(paper, short + drive).rows["edgesem.C24"]
+    assert row.ours.startswith("0.1 ") and row.mark == "S"
+    whole = runs("adaptive", link, "rre_deg_per_m", 0.2, dataset="kitti_07_left")
+    row = column(paper, whole + drive).rows["edgesem.C24"]
+    assert row.ours.startswith("0.2") and row.mark != "S"
+    assert "was not measured in" in column(paper, short).rows["edgesem.C24"].why
+
+
 def test_the_error_while_answers_are_late_is_that_of_the_pose_in_force(paper: Paper) -> None:
     """C07: more than 1 m when Mask-SLAM answers 20 frames late."""
     found = runs("maskslam_offloaded", "infocom_delay_20_frames", "error_in_force_m_mean", 1.3,

@@ -89,7 +89,7 @@ def test_the_pages_need_no_results_and_run_nothing(tmp_path: Path) -> None:
     assert "slambed papers kept multithread_rl" in html
     # Figures of single events are drawn from the events that were kept.
     html = (pages / "cloudslam" / "index.html").read_text()
-    assert "<h2>Fig. 12</h2>" in html and "<h2>Fig. 18</h2>" in html
+    assert "<h2>Fig. 12, virtual</h2>" in html and "<h2>Fig. 18, virtual</h2>" in html
     assert "13 of 17 orderings hold" in out
     assert sorted(path.name for path in (tmp_path / "results").iterdir()) == ["papers"]
 
