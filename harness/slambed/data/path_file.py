@@ -61,6 +61,11 @@ def read_path(path: Path, *, topic: str | None = None, times: Path | None = None
     if kind == "kitti":
         return _of_kitti(path, times)
     found, notes = in_seconds(read_tum(path), str(path))
+    if len(found) > 1 and np.ptp(found.stamps_s) == 0:
+        raise SlambedError(
+            f"{path}: all {len(found)} poses have the time {found.stamps_s[0]:.6f} s; record time "
+            "stamps"
+        )
     return PathFile(found, "tum", notes)
 
 

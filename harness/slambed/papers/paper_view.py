@@ -262,7 +262,27 @@ def headline(verdicts: PaperVerdicts, column: Column) -> list[Headline]:
             Headline(f"Nothing is played yet, {waiting} {wait}.", []),
             _numbers(verdicts, column),
         ]
+    others = [other for other in verdicts.columns if other.engine != column.engine]
+    if _begun(column) < max(map(_begun, others), default=0):
+        return _of_a_part(verdicts, column)
     return [*_orderings(column), _numbers(verdicts, column)]
+
+
+def _begun(column: Column) -> int:
+    return sum(item.begun for item in column.orderings)
+
+
+def _of_a_part(verdicts: PaperVerdicts, column: Column) -> list[Headline]:
+    """Returns what was learnt with a kind of engine that played less than the other one: nothing is
+    said of what it did not play."""
+    played = [item for item in column.orderings if item.begun]
+    groups = count(verdicts, column).groups
+    ours = groups["judged"] + groups["beside"] + groups["fitted"]
+    has = "has" if ours == 1 else "have"
+    numbers = f"{_many(ours, 'printed number')} {has} a number of ours next to it."
+    if ours != 1:
+        numbers = numbers.replace("next to it", "next to them")
+    return [*([_outcomes(played, " that was played")] if played else []), Headline(numbers, [])]
 
 
 OUTCOME_WORDS: dict[str, tuple[str, str]] = {
@@ -311,8 +331,9 @@ def is_generated(dataset: str) -> bool:
     return recipe.synthetic is not None or bool(recipe.window_of and is_generated(recipe.window_of))
 
 
-def _outcomes(items: list[JudgedOrdering]) -> Headline:
-    """Returns `On generated sequences 11 of 24 orderings hold.`, and the other outcomes."""
+def _outcomes(items: list[JudgedOrdering], which: str = "") -> Headline:
+    """Returns `On generated sequences 11 of 24 orderings hold.`, and the other outcomes; `which`
+    tells which ordering is meant."""
     counts = Counter(outcome_of(item) for item in items)
     rest = [
         CountLine(
@@ -322,9 +343,10 @@ def _outcomes(items: list[JudgedOrdering]) -> Headline:
         for group, words in OUTCOME_WORDS.items()
         if counts[group] and group != "hold"
     ]
-    holding = f"{counts['hold'] or 'none'} of {_many(len(items), 'ordering')}"
+    which = which if len(items) == 1 else which.replace(" was ", " were ")
+    holding = f"{counts['hold'] or 'none'} of {_many(len(items), 'ordering')}{which}"
     if len(items) == 1:
-        holding = "one ordering" if counts["hold"] else "no ordering"
+        holding = f"{'one' if counts['hold'] else 'no'} ordering{which}"
     return Headline(f"{_place(items)} {holding} {'hold' if counts['hold'] > 1 else 'holds'}.", rest)
 
 

@@ -233,3 +233,9 @@ def test_times_of_kitti_increase(tmp_path: Path) -> None:
     assert f"{times}:3: 0.100000 is not later than 0.200000" in line
     times.write_text("0\n1\n2\n3\n")
     assert slambed("evaluate", str(poses), str(poses), "--times", str(times))[0] == 0
+
+
+def test_poses_of_one_time_are_no_path(tmp_path: Path) -> None:
+    path = tmp_path / "a.txt"
+    path.write_text(5 * ROW)
+    assert "all 5 poses have the time 0.500000 s" in refused(2, "evaluate", str(path), str(path))

@@ -71,6 +71,22 @@ def page(
     return write_paper_page(dynnetslam, experiments, tmp_path_factory.mktemp("pages"))
 
 
+def test_of_an_engine_that_played_less_only_that_is_said(dynnetslam: Paper) -> None:
+    """A few live runs are no statement about all orderings of the paper."""
+    both = {"conventional": PAPER_CONVENTIONAL, "static": PAPER_ENHANCED}
+    virtual = table_2(both, 100, engine="virtual")
+    live = table_2({"conventional": PAPER_CONVENTIONAL}, 100)
+    live.folder = Path("live_t2")
+    verdicts = compare_paper(dynnetslam, pool_of([virtual, live]))
+    said = {
+        column.engine: [found.says for found in paper_view.headline(verdicts, column)]
+        for column in verdicts.columns
+    }
+    assert " judged" in said["virtual"][-1] and "of 24 orderings" in " ".join(said["virtual"])
+    assert "that was played" in said["live"][0] or "that were played" in said["live"][0]
+    assert said["live"][-1] == "6 printed numbers have a number of ours next to them."
+
+
 def test_every_mark_leads_to_its_number(page: PaperPage) -> None:
     html = page.html.read_text()
     found = Anchors()
@@ -152,10 +168,11 @@ def test_what_holds_without_being_evidence_looks_like_none(page: PaperPage) -> N
     for name, results, fits in (
         ("stand-in", stand_in, []), ("half", half, []), ("fitted", fitted, [fit])
     ):  # fmt: skip
-        column = compare_paper(page.verdicts.paper, pool_of([results]), fits).columns[0]
+        verdicts = compare_paper(page.verdicts.paper, pool_of([results]), fits)
+        column = verdicts.columns[0]
         line = next(c for c in claim_lines(column) if c.anchor == "dynnet.O03")
         found[name] = (line.badge, line.style)
-        reported = paper_view.headline(page.verdicts, column)[0]
+        reported = paper_view.headline(verdicts, column)[0]
         assert reported.says.startswith(
             "On the paper's own sequences" if name == "fitted" else "On generated sequences"
         )
