@@ -38,12 +38,14 @@ LONGEST_BASELINE_M = 20.0
 
 
 def implausible(cx: float, cy: float, baseline_m: float, size: tuple[int, int]) -> str:
-    """Returns what no camera has: a principal point far outside of its picture, or a baseline of
-    more than 20 m; empty if all is plausible."""
+    """Returns what no camera has: a principal point far outside of its picture, or a baseline
+    below 0 or above 20 m; empty if all is plausible."""
     for name, value, side in (("cx", cx, size[0]), ("cy", cy, size[1])):
         if not -side / 2 <= value <= 1.5 * side:
             return f"{name} {value:g} is far outside of a picture of {size[0]}x{size[1]}"
-    if not 0 <= baseline_m <= LONGEST_BASELINE_M:
+    if baseline_m < 0:
+        return f"a baseline of {baseline_m:g} m, expected 0 or more; are left and right swapped?"
+    if not baseline_m <= LONGEST_BASELINE_M:
         return f"a baseline of {baseline_m:g} m, expected 0 to {LONGEST_BASELINE_M:g}; is it in mm?"
     return ""
 

@@ -10,8 +10,9 @@ from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
+from slambed.data.kitti_poses import KITTI_COLUMNS, matrices_of, pose_lines
 from slambed.data.pose_columns import named_columns
-from slambed.data.rotations import check_rotation
+from slambed.data.ros_poses import POSE_TYPES, POSES_KNOWN, is_without_turn, poses_of, truth_of
 from slambed.data.text_file import fields, pose_rows, read_lines, table_lines
 from slambed.data.trajectory import Trajectory, read_tum
 from slambed.data.truth_times import in_seconds
@@ -22,17 +23,7 @@ if TYPE_CHECKING:
 
 KITTI_PERIOD_S = 0.1
 """KITTI's camera takes ten frames a second."""
-_KITTI_POSE = "12 numbers, a 3x4 camera-to-world matrix"
-_KITTI_COLUMNS = 12
 _BAGS = (b"#ROSBAG", b"\x89MCAP", b"SQLite format 3\0")
-_POSES = (
-    "geometry_msgs/msg/PoseStamped",
-    "geometry_msgs/msg/PoseWithCovarianceStamped",
-    "geometry_msgs/msg/TransformStamped",
-    "nav_msgs/msg/Odometry",
-    "nav_msgs/msg/Path",
-    "geometry_msgs/msg/PointStamped",
-)
 
 
 @dataclass(frozen=True)
@@ -100,16 +91,14 @@ def _kind_of(path: Path) -> Literal["tum", "kitti", "bag"]:
         return "bag"
     if named_columns(read_lines(path), str(path)) is None:
         first = next((fields(line) for _, line in table_lines(path)), [])
-        if len(first) == _KITTI_COLUMNS:
+        if len(first) == KITTI_COLUMNS:
             return "kitti"
     return "tum"
 
 
 def _of_kitti(path: Path, times: Path | None) -> PathFile:
-    rows = pose_rows(path, _KITTI_COLUMNS, _KITTI_POSE)
-    matrices = np.array([values for _, values in rows]).reshape(-1, 3, 4)
-    for (line, _), matrix in zip(rows, matrices, strict=True):
-        check_rotation(matrix[:, :3], f"{path}:{line}")
+    rows = pose_lines(path)
+    matrices = matrices_of(rows, path)
     if times is None:
         stamps_s = KITTI_PERIOD_S * np.arange(len(rows), dtype=np.float64)
         note = f"{path}: KITTI's poses have no times; they are taken as {KITTI_PERIOD_S:g} s apart"
@@ -133,7 +122,6 @@ def _of_kitti(path: Path, times: Path | None) -> PathFile:
 
 def _of_bag(path: Path, topic: str | None) -> PathFile:
     from slambed.data.bag_file import BagFile  # `rosbags` is slow to import
-    from slambed.data.ros_poses import is_without_turn, poses_of, truth_of
 
     recording = BagFile([path])
     with recording.open() as bag:
@@ -152,7 +140,7 @@ def _of_bag(path: Path, topic: str | None) -> PathFile:
 
 def _pose_topic(bag: AnyReader, path: Path) -> str:
     """Returns the only topic with poses."""
-    found = sorted({c.topic for c in bag.connections if c.msgtype in _POSES})
+    found = sorted({c.topic for c in bag.connections if c.msgtype in POSE_TYPES})
     if len(found) == 1:
         return found[0]
     if found:
@@ -160,5 +148,4 @@ def _pose_topic(bag: AnyReader, path: Path) -> str:
             f"{path}: poses on {', '.join(found)}; name one of them (--topic, of the "
             "ground truth --truth-topic)"
         )
-    kinds = ", ".join(kind.rpartition("/")[2] for kind in _POSES)
-    raise SlambedError(f"{path}: no topic with poses; known: {kinds}")
+    raise SlambedError(f"{path}: no topic with poses; known: {POSES_KNOWN}")

@@ -12,6 +12,16 @@ from slambed.data.rotations import check_quaternions
 from slambed.data.trajectory import Trajectory
 from slambed.errors import SlambedError
 
+POSE_TYPES = (
+    "geometry_msgs/msg/PoseStamped",
+    "geometry_msgs/msg/PoseWithCovarianceStamped",
+    "geometry_msgs/msg/TransformStamped",
+    "nav_msgs/msg/Odometry",
+    "nav_msgs/msg/Path",
+    "geometry_msgs/msg/PointStamped",
+)
+POSES_KNOWN = ", ".join(name.rpartition("/")[2] for name in POSE_TYPES)
+
 #: Position, and orientation as x y z w; a point has no orientation.
 Pose = list[float]
 _NO_TURN = 3
@@ -90,7 +100,4 @@ def _numbers(message: Any, where: str) -> Pose:
 
 def _unknown(message: Any, where: str) -> SlambedError:
     kind = type(message).__name__.replace("__", "/")
-    return SlambedError(
-        f"{where}: {kind} is no ground truth that is known; known: PoseStamped, "
-        "PoseWithCovarianceStamped, TransformStamped, Odometry, Path, PointStamped"
-    )
+    return SlambedError(f"{where}: {kind} is no ground truth that is known; known: {POSES_KNOWN}")

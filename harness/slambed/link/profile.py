@@ -184,7 +184,7 @@ def _build(data: Mapping[str, Any], overrides: Mapping[str, Any], reader: Profil
         found = in_words(gap_mode)
         raise reader.complaint(f"unknown gap_mode {found}", "gap_mode", "known: hold, drop")
     traces = _rate_traces((up, down), _mapping(data, "rate_sha256", reader), reader)
-    content = reader.pin_traces(data)
+    content = reader.pin_traces({k: v for k, v in data.items() if k != "rate_sha256"})
     if traces:
         content["rate_sha256"] = {
             lasting_name(name, reader.near): sha256_of(find_trace(name, reader.near))

@@ -14,6 +14,7 @@ from slambed.files.yaml_source import in_words, mistake
 from slambed.link import curves
 from slambed.link.curves import Curve
 from slambed.link.traces import TraceFile, find_trace, lasting_name, read_rtt_trace, sha256_of
+from slambed.spec.run_spec import with_trace_names
 from slambed.suggestion import suggestion
 
 Model = TypeVar("Model", bound=BaseModel)
@@ -113,19 +114,11 @@ class ProfileReader:
     def pin_traces(self, data: Any) -> Any:
         """Returns `data` with the digest of every trace file added, so that it identifies its
         content, and with names by which the files are found from any folder."""
-        if isinstance(data, list):
-            return [self.pin_traces(item) for item in data]
-        if not isinstance(data, Mapping):
-            return data
-        pinned = {key: self.pin_traces(value) for key, value in data.items()}
-        trace = pinned.get("trace")
-        if isinstance(trace, dict) and isinstance(trace.get("file"), str):
-            digest = sha256_of(find_trace(trace["file"], self.near))
-            name = lasting_name(trace["file"], self.near)
-            pinned["trace"] = {**trace, "file": name, "sha256": digest}
-        elif isinstance(trace, str):
-            pinned["trace"] = lasting_name(trace, self.near)
-        return pinned
+        return with_trace_names(
+            data,
+            lambda name: lasting_name(name, self.near),
+            lambda name: sha256_of(find_trace(name, self.near)),
+        )
 
 
 _KNOWN = f"known: {', '.join(sorted(curves.KINDS))}"

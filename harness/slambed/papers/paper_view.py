@@ -278,11 +278,11 @@ def _of_a_part(verdicts: PaperVerdicts, column: Column) -> list[Headline]:
     played = [item for item in column.orderings if item.begun]
     groups = count(verdicts, column).groups
     ours = groups["judged"] + groups["beside"] + groups["fitted"]
-    has = "has" if ours == 1 else "have"
-    numbers = f"{_many(ours, 'printed number')} {has} a number of ours next to it."
-    if ours != 1:
-        numbers = numbers.replace("next to it", "next to them")
-    return [*([_outcomes(played, " that was played")] if played else []), Headline(numbers, [])]
+    has, it = ("has", "it") if ours == 1 else ("have", "them")
+    numbers = f"{_many(ours, 'printed number')} {has} a number of ours next to {it}."
+    were = "was" if len(played) == 1 else "were"
+    outcomes = [_outcomes(played, f" that {were} played")] if played else []
+    return [*outcomes, Headline(numbers, [])]
 
 
 OUTCOME_WORDS: dict[str, tuple[str, str]] = {
@@ -333,7 +333,7 @@ def is_generated(dataset: str) -> bool:
 
 def _outcomes(items: list[JudgedOrdering], which: str = "") -> Headline:
     """Returns `On generated sequences 11 of 24 orderings hold.`, and the other outcomes; `which`
-    tells which ordering is meant."""
+    follows the word "ordering"."""
     counts = Counter(outcome_of(item) for item in items)
     rest = [
         CountLine(
@@ -343,7 +343,6 @@ def _outcomes(items: list[JudgedOrdering], which: str = "") -> Headline:
         for group, words in OUTCOME_WORDS.items()
         if counts[group] and group != "hold"
     ]
-    which = which if len(items) == 1 else which.replace(" was ", " were ")
     holding = f"{counts['hold'] or 'none'} of {_many(len(items), 'ordering')}{which}"
     if len(items) == 1:
         holding = f"{'one' if counts['hold'] else 'no'} ordering{which}"

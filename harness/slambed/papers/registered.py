@@ -10,7 +10,7 @@ import pandas as pd
 
 from slambed.papers.compare import Column
 from slambed.papers.published import Paper
-from slambed.papers.published.paper_plan import PaperPlan, frozen_digest
+from slambed.papers.published.paper_plan import PaperPlan, PlannedLater, frozen_digest
 from slambed.report.load import Results
 
 
@@ -56,13 +56,17 @@ def plan_lines(
         found.append(PlanLine(f"{message}, {plan.frozen} planned.", bad=True))
     if not column.engine:
         return found
-    if column.engine != plan.engine:
+    later = _planned_later(plan, column)
+    if column.engine != plan.engine and names - set(later):
         found.append(
             PlanLine(f"The plan is for {plan.engine} runs, not {column.engine} ones.", True)
         )
     found += _made(plan, own)
     for results in used:
         item = planned.get(results.name)
+        if item is None and results.name in later:
+            found += _later_lines(results, later[results.name], behind)
+            continue
         if item is None:
             found.append(PlanLine(f"Experiment {results.name} is not in the plan.", bad=True))
             continue
@@ -72,11 +76,9 @@ def plan_lines(
             found.append(PlanLine(text, bad=True))
         # Cells without a published number, such as another codec's, decide nothing and are not
         # counted.
-        runs = results.runs[results.runs["run_key"].isin(behind)]
-        fewest = int(runs.groupby("cell").size().min()) if len(runs) else 0
+        fewest = _fewest(results, behind)
         if fewest < item.runs:
-            there = f"{fewest} run{'' if fewest == 1 else 's'} of a combination"
-            text = f"{results.name}: {there}, {item.runs} were planned"
+            text = _too_few(results, fewest, item.runs)
             if results.expected and results.expected > len(results.runs):
                 text += f" ({len(results.runs)} of {results.expected} runs of it are there)"
             found.append(PlanLine(f"{text}.", bad=True))
@@ -89,6 +91,39 @@ def plan_lines(
             text = "played, but no number could be taken from its runs"
         found.append(PlanLine(f"{name}: {text}.", bad=True))
     return found + _devices(plan, column.runs)
+
+
+def _planned_later(plan: PaperPlan, column: Column) -> dict[str, PlannedLater]:
+    """Returns the experiments whose runs `later` waits for, where other orderings do not use
+    them."""
+    items = {contrast: item for item in plan.later for contrast in item.decides}
+    found: dict[str, PlannedLater] = {}
+    others: set[str] = set()
+    for ordering in column.orderings:
+        names = {name for chain in ordering.chains for _, m in chain for name, _ in m.keys}
+        if (item := items.get(ordering.contrast.id)) is None:
+            others |= names
+        else:
+            found |= dict.fromkeys(sorted(names), item)
+    return {name: item for name, item in found.items() if name not in others}
+
+
+def _later_lines(results: Results, item: PlannedLater, behind: set[str]) -> list[PlanLine]:
+    found = [PlanLine(f"{results.name} is what the plan waited for: {item.waits_for}.")]
+    if (fewest := _fewest(results, behind)) < item.runs:
+        found.append(PlanLine(f"{_too_few(results, fewest, item.runs)}.", bad=True))
+    return found
+
+
+def _fewest(results: Results, behind: set[str]) -> int:
+    """Returns the runs of the combination with the fewest, among those that are used."""
+    runs = results.runs[results.runs["run_key"].isin(behind)]
+    return int(runs.groupby("cell").size().min()) if len(runs) else 0
+
+
+def _too_few(results: Results, fewest: int, planned: int) -> str:
+    there = f"{fewest} run{'' if fewest == 1 else 's'} of a combination"
+    return f"{results.name}: {there}, {planned} were planned"
 
 
 def experiments_behind(column: Column) -> set[str]:

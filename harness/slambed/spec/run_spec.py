@@ -44,18 +44,22 @@ class LinkSpec(BaseModel):
         return {**self.model_dump(mode="json"), "content": with_trace_names(self.content, _name)}
 
 
-def with_trace_names(content: Any, rename: Callable[[str], str]) -> Any:
-    """Returns a profile's content with the names of its trace files, which have digests beside
-    them, replaced."""
+def with_trace_names(
+    content: Any, rename: Callable[[str], str], digest: Callable[[str], str] | None = None
+) -> Any:
+    """Returns a profile's content with the names of its trace files replaced. `digest` computes
+    what is written beside the file of a latency trace; None leaves the digests that are there."""
     if isinstance(content, list):
-        return [with_trace_names(item, rename) for item in content]
+        return [with_trace_names(item, rename, digest) for item in content]
     if not isinstance(content, Mapping):
         return content
-    found = {key: with_trace_names(value, rename) for key, value in content.items()}
+    found = {key: with_trace_names(value, rename, digest) for key, value in content.items()}
     if isinstance(trace := found.get("trace"), str):
         found["trace"] = rename(trace)
     elif isinstance(trace, dict) and isinstance(trace.get("file"), str):
         found["trace"] = {**trace, "file": rename(trace["file"])}
+        if digest is not None:
+            found["trace"]["sha256"] = digest(trace["file"])
     if isinstance(digests := found.get("rate_sha256"), dict):
         named = {rename(path): digest for path, digest in digests.items()}
         if len(named) == len(digests):  # not two files of one name

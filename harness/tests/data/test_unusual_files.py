@@ -162,6 +162,7 @@ def test_numbers_that_no_camera_has() -> None:
     assert not implausible(320, 240, 0.1, (640, 480))
     assert "cx 3200 is far outside" in implausible(3200, 240, 0.1, (640, 480))
     assert "is it in mm?" in implausible(320, 240, 110.0, (640, 480))
+    assert "left and right swapped" in implausible(320, 240, -0.1, (640, 480))
     assert implausible(320, 240, float("nan"), (640, 480))
 
 

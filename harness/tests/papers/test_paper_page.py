@@ -140,6 +140,9 @@ def test_claims_come_before_numbers_and_engines_stay_apart(page: PaperPage) -> N
     html = page.html.read_text()
     assert html.index("Main claims") < html.index("<h2>Numbers") < html.index("Why not more")
     assert "never summed" in html
+    claims = html[html.index("Main claims") : html.index("<h2>Numbers")]
+    outcomes = re.findall(r'<p class="one">.*?</span>\n<span>(<b>live</b>|.{11})', claims)
+    assert set(outcomes) == {"<b>virtual<", "<b>live</b>"}
     assert "HOLDS" in html
     assert "same ordering" not in html
     assert re.search(r"Of 163 printed numbers \d+ are judged: \d+ reproduced, ", html)

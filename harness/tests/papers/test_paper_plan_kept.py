@@ -19,6 +19,7 @@ from slambed.papers.power import costs, ordering_powers, seconds_per_run
 from slambed.papers.published import Paper, read_papers
 from slambed.papers.published.paper_plan import (
     PaperPlan,
+    PlannedLater,
     PlannedRuns,
     ReplacedPlan,
     frozen_digest,
@@ -169,6 +170,24 @@ def test_runs_name_the_plan_that_they_were_executed_under(dynnetslam: Paper) -> 
         f"50 of 50 runs were made under a plan that is gone: {plan.digest}."
     ]
     assert bad(dynnetslam, None, results()) == []
+
+
+def test_runs_that_the_plan_waited_for_are_as_planned(dynnetslam: Paper) -> None:
+    every = [contrast.id for contrast in dynnetslam.contrasts]
+    live = PlannedLater(decides=every, runs=10, waits_for="virtual runs")
+    plan = plan_of(dynnetslam, engine="live", runs=[], later=[live])
+    good = results(plan=plan)
+    assert bad(dynnetslam, plan, good) == []
+    column = compare_paper(dynnetslam, pool_of([good]), []).columns[0]
+    texts = [line.text for line in plan_lines(dynnetslam, plan, column, [good])]
+    assert "made_up is what the plan waited for: virtual runs." in texts
+    fewer = results(runs=6, plan=plan)
+    assert bad(dynnetslam, plan, fewer) == ["made_up: 6 runs of a combination, 10 were planned."]
+    # Runs that another ordering uses, too, are of no `later`.
+    some = plan_of(dynnetslam, engine="live", runs=[], later=[])
+    reported = bad(dynnetslam, some, results(plan=some))
+    assert reported[0] == "The plan is for live runs, not virtual ones."
+    assert "Experiment made_up is not in the plan." in reported
 
 
 def test_cells_that_no_number_is_of_are_not_counted(dynnetslam: Paper) -> None:

@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from slambed.data.images import read_gray
+from slambed.data.kitti_poses import matrices_of, pose_lines
 from slambed.data.model import Camera, Frame
 from slambed.data.readers.base import (
     FolderReader,
@@ -19,13 +20,11 @@ from slambed.data.readers.base import (
     require,
     require_poses,
 )
-from slambed.data.rotations import check_rotation
-from slambed.data.text_file import is_header, pose_rows, read_lines
+from slambed.data.text_file import is_header, read_lines
 from slambed.data.trajectory import Trajectory
 from slambed.errors import SlambedError
 from slambed.files.outputs import is_file
 
-_POSE = "12 numbers, a 3x4 camera-to-world matrix"
 _PROJECTION = "12 numbers, a 3x4 projection"
 
 
@@ -118,11 +117,9 @@ class Reader(FolderReader):
         file = self._poses_file()
         if file is None:
             return None
-        rows = pose_rows(file, 12, _POSE)
-        chosen = [rows[k] for k in self._places_in(len(rows), file, "poses")]
-        for line, values in chosen:
-            check_rotation(np.array(values).reshape(3, 4)[:, :3], f"{file}:{line}")
-        matrices = np.array([values for _, values in chosen]).reshape(-1, 3, 4)
+        lines = pose_lines(file)
+        chosen = [lines[k] for k in self._places_in(len(lines), file, "poses")]
+        matrices = matrices_of(chosen, file)
         return Trajectory.of_matrices(np.array(self._times_ns) * 1e-9, matrices)
 
     def _read_times(self) -> tuple[list[int], list[int]]:
