@@ -51,6 +51,17 @@ class _Checked(_Base):
             raise ConstructorError(None, None, problem, node.start_mark)
         return value
 
+    def construct_mapping(self, node: yaml.MappingNode, deep: bool = False) -> dict[Any, Any]:
+        """A mapping, where PyYAML would take the last of two values of a key."""
+        written: dict[str, yaml.Node] = {}
+        for key, value in node.value:
+            if isinstance(key, yaml.ScalarNode) and key.value != "<<":
+                first = written.setdefault(key.value, value)
+                if first is not value and yaml.serialize(first) != yaml.serialize(value):
+                    problem = f"key '{key.value}' is given twice, with different values"
+                    raise ConstructorError(None, None, problem, key.start_mark)
+        return super().construct_mapping(node, deep)
+
 
 class _Plain(_Checked, yaml.SafeLoader):
     pass
@@ -73,7 +84,8 @@ def with_parser(read: Callable[[type[yaml.SafeLoader]], Read]) -> Read:
 
 
 def read_yaml(text: str) -> Any:
-    """Parses the single document in `text`. Raises yaml.YAMLError."""
+    """Parses the single document in `text`. Raises yaml.YAMLError, for a key with two values,
+    too."""
     return with_parser(lambda parser: yaml.load(text, Loader=parser))
 
 

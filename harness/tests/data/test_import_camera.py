@@ -320,6 +320,7 @@ def test_the_baseline_and_the_depth_of_orbslam3(tmp_path: Path) -> None:
         ("[190.5,", "[x,", "not a Kalibr camchain: could not convert"),
         ("cam0", "camera0", "this is no calibration"),
         ("cam0:", "cam0: [", "other.yaml:.*: not YAML"),
+        ("cam1:", "  resolution: [1, 1]\ncam1:", "other.yaml:7: .* 'resolution' is given twice"),
     ],
 )
 def test_what_is_wrong_is_named(tmp_path: Path, old: str, new: str, complaint: str) -> None:
