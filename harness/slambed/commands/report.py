@@ -299,7 +299,7 @@ def evaluate(
         for note in (*own_file.notes, *true_file.notes):
             typer.echo(f"note: {note}", err=True)
         ate = absolute_error(own, true, max_difference_s, method, with_scale)
-        if own_file.has_orientation and true_file.has_orientation:
+        if own.has_orientation and true.has_orientation:
             rpe = relative_error(
                 own, true, delta_s, max_difference_s=max_difference_s, method=method
             )

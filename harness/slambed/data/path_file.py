@@ -12,7 +12,7 @@ import numpy as np
 
 from slambed.data.kitti_poses import KITTI_COLUMNS, matrices_of, pose_lines
 from slambed.data.pose_columns import named_columns
-from slambed.data.ros_poses import POSE_TYPES, POSES_KNOWN, is_without_turn, poses_of, truth_of
+from slambed.data.ros_poses import POSE_TYPES, POSES_KNOWN, poses_of, truth_of
 from slambed.data.text_file import fields, pose_rows, read_lines, table_lines
 from slambed.data.trajectory import Trajectory, read_tum
 from slambed.data.truth_times import in_seconds
@@ -35,8 +35,6 @@ class PathFile:
     notes: list[str] = field(default_factory=list)
     has_times: bool = True
     """False for KITTI's poses without a file of times: pose N is at N times KITTI_PERIOD_S."""
-    has_orientation: bool = True
-    """False for points of a bag."""
 
 
 def read_path(path: Path, *, topic: str | None = None, times: Path | None = None) -> PathFile:
@@ -131,11 +129,10 @@ def _of_bag(path: Path, topic: str | None) -> PathFile:
         poses = poses_of(messages, where)
     if not poses:
         raise SlambedError(f"{where}: no pose in it; name another topic")
-    if without := is_without_turn(poses):
+    found, notes = truth_of(poses, where), []
+    if not found.has_orientation:
         notes = [f"{where}: points have no orientation, so there is no RPE"]
-    else:
-        notes = []
-    return PathFile(truth_of(poses, where), "bag", notes, has_orientation=not without)
+    return PathFile(found, "bag", notes)
 
 
 def _pose_topic(bag: AnyReader, path: Path) -> str:

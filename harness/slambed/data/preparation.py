@@ -32,7 +32,7 @@ Progress = Callable[[int, int], None]
 Notify = Callable[[str], None]
 
 #: To be incremented when a change of this code requires sequences to be prepared again.
-PREPARATION_VERSION = 4
+PREPARATION_VERSION = 5
 #: A median depth outside this range indicates a wrong unit.
 DEPTH_MEDIAN_RANGE_M = (0.1, 50.0)
 _DEPTH_SAMPLE_EVERY = 25

@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -61,7 +62,7 @@ def truth_of(poses: dict[int, Pose], where: str) -> Trajectory:
     ]
     table = np.array(rows)
     check_quaternions(table[:, 4:8], [f"{where} at {row[0]:.6f} s" for row in rows])
-    return Trajectory.of_rows(table)
+    return replace(Trajectory.of_rows(table), has_orientation=not is_without_turn(poses))
 
 
 def _stamped(message: Any, where: str) -> Iterator[Any]:

@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -23,6 +23,7 @@ Floats = NDArray[np.float64]
 COLUMNS = 8
 EXPECTED = "expected 'time tx ty tz qx qy qz qw'"
 USUAL = PoseColumns(tuple(range(COLUMNS)), None)
+_POSITIONS_ALONE = "# positions alone, orientations are unknown"
 LATEST = float(2**63)
 """Largest time, whose unit may be the nanosecond."""
 
@@ -34,6 +35,8 @@ class Trajectory:
     stamps_s: Floats
     positions_m: Floats
     quaternions_xyzw: Floats
+    has_orientation: bool = True
+    """False where only positions were recorded; all quaternions are the identity then."""
 
     @classmethod
     def of_rows(cls, rows: Floats) -> Trajectory:
@@ -59,13 +62,16 @@ class Trajectory:
 
     def take(self, indices: NDArray[np.intp]) -> Trajectory:
         """Returns the poses at these indices, in this order."""
-        return Trajectory(
-            self.stamps_s[indices], self.positions_m[indices], self.quaternions_xyzw[indices]
+        return replace(
+            self,
+            stamps_s=self.stamps_s[indices],
+            positions_m=self.positions_m[indices],
+            quaternions_xyzw=self.quaternions_xyzw[indices],
         )
 
     def scaled(self, factor: float) -> Trajectory:
         """Returns the path with scaled positions."""
-        return Trajectory(self.stamps_s, factor * self.positions_m, self.quaternions_xyzw)
+        return replace(self, positions_m=factor * self.positions_m)
 
     def rotations(self) -> Rotation:
         """Returns all orientations; scipy normalizes the quaternions."""
@@ -87,7 +93,8 @@ def read_tum(path: Path) -> Trajectory:
 
     Raises SlambedError if a line is not eight finite numbers or a quaternion is zero.
     """
-    rows = _read_rows(path)
+    lines = read_lines(path)
+    rows = _rows_of(path, lines)
     if len(rows) == 0:
         return EMPTY
     with np.errstate(over="ignore"):
@@ -97,7 +104,8 @@ def read_tum(path: Path) -> Trajectory:
             f"{path}: not a pose, the quaternion at {rows[wrong[0], 0]:.6f} s has length "
             f"{lengths[wrong[0]]:g}; {EXPECTED}"
         )
-    return Trajectory.of_rows(rows[np.argsort(rows[:, 0], kind="stable")])
+    found = Trajectory.of_rows(rows[np.argsort(rows[:, 0], kind="stable")])
+    return replace(found, has_orientation=_POSITIONS_ALONE not in lines)
 
 
 def read_groundtruth(path: Path) -> Trajectory:
@@ -109,12 +117,14 @@ def read_groundtruth(path: Path) -> Trajectory:
         raise SlambedError(f"{path}: no pose in it; {EXPECTED}")
     once = found.take(np.flatnonzero(np.diff(found.stamps_s, prepend=-np.inf) > 0))
     lengths = np.linalg.norm(once.quaternions_xyzw, axis=1, keepdims=True)
-    return Trajectory(once.stamps_s, once.positions_m, once.quaternions_xyzw / lengths)
+    return replace(once, quaternions_xyzw=once.quaternions_xyzw / lengths)
 
 
 def write_tum(path: Path, trajectory: Trajectory) -> None:
-    """Writes TUM's format with precision 1 us, 1 um, and 1e-9 for quaternions."""
+    """Writes TUM's format with precision 1 us, 1 um, and 1e-9 for quaternions. A comment tells
+    where only positions are known."""
     lines = ["# timestamp tx ty tz qx qy qz qw (camera to world)"]
+    lines += [] if trajectory.has_orientation else [_POSITIONS_ALONE]
     for row in trajectory.rows():
         position = " ".join(f"{value:.6f}" for value in row[1:4])
         rotation = " ".join(f"{value:.9f}" for value in row[4:8])
@@ -122,9 +132,8 @@ def write_tum(path: Path, trajectory: Trajectory) -> None:
     path.write_text("\n".join(lines) + "\n", encoding="utf-8")
 
 
-def _read_rows(path: Path) -> Floats:
+def _rows_of(path: Path, lines: list[str]) -> Floats:
     """Returns the numbers of the file, with times in the unit that a header names as seconds."""
-    lines = read_lines(path)
     named = named_columns(lines, str(path)) or USUAL
     rows = _plain_rows(lines) if named.order == USUAL.order else None
     if rows is None:

@@ -289,20 +289,8 @@ class RunData:
                 found["error_in_force_m_mean"] = in_force
             found |= {"ate_rmse_m": error.rmse, "ate_mean_m": error.mean, "ate_pairs": error.pairs}
             found |= {"ate_alignment": error.alignment.lower(), "ate_scale": error.scale}
-            estimate = estimate.scaled(error.scale)
-            if (parts := kitti_error(estimate, truth)) is not None:
-                short = "_short" if parts.short else ""
-                found[f"rte{short}_percent"] = parts.translation_percent
-                found[f"rre{short}_deg_per_m"] = parts.rotation_deg_per_m
-            everywhere = relative_error_over_all(estimate, truth)
-            found["rpe_all_trans_m"] = everywhere.translation_m.rmse
-            found["rpe_all_rot_deg"] = everywhere.rotation_deg.rmse
-            drift = relative_error(estimate, truth, RPE_DELTA_S)
-            found["rpe_trans_m"] = drift.translation_m.rmse
-            found["rpe_rot_deg"] = drift.rotation_deg.rmse
-            step = relative_error(estimate, truth, delta_s=None)
-            found["rpe_frame_trans_m"] = step.translation_m.rmse
-            found["rpe_frame_rot_deg"] = step.rotation_deg.rmse
+            if truth.has_orientation:
+                _add_relative(found, estimate.scaled(error.scale), truth)
         except SlambedError as error_line:
             self.problems.append(f"trajectory.txt: {error_line}")
         if self.spec.reads_folder:
@@ -409,6 +397,23 @@ class RunData:
                     self.problems.append(str(error))
                     return EMPTY
         return EMPTY
+
+
+def _add_relative(found: dict[str, Any], estimate: Trajectory, truth: Trajectory) -> None:
+    """Adds the errors that orientations are in: per length of path, and of pairs of poses."""
+    if (parts := kitti_error(estimate, truth)) is not None:
+        short = "_short" if parts.short else ""
+        found[f"rte{short}_percent"] = parts.translation_percent
+        found[f"rre{short}_deg_per_m"] = parts.rotation_deg_per_m
+    everywhere = relative_error_over_all(estimate, truth)
+    found["rpe_all_trans_m"] = everywhere.translation_m.rmse
+    found["rpe_all_rot_deg"] = everywhere.rotation_deg.rmse
+    drift = relative_error(estimate, truth, RPE_DELTA_S)
+    found["rpe_trans_m"] = drift.translation_m.rmse
+    found["rpe_rot_deg"] = drift.rotation_deg.rmse
+    step = relative_error(estimate, truth, delta_s=None)
+    found["rpe_frame_trans_m"] = step.translation_m.rmse
+    found["rpe_frame_rot_deg"] = step.rotation_deg.rmse
 
 
 @lru_cache(maxsize=4)

@@ -15,6 +15,7 @@ from rosbags.rosbag1 import Writer
 from rosbags.typesys import Stores, get_typestore
 
 from slambed.data.readers import ReaderOptions, load_reader
+from slambed.data.trajectory import read_groundtruth, write_tum
 from slambed.errors import SlambedError
 
 STORE = get_typestore(Stores.ROS1_NOETIC)
@@ -217,6 +218,10 @@ def test_ground_truth_of_every_kind(tmp_path: Path, kind: str) -> None:
     assert truth.stamps_s.tolist() == pytest.approx([50.0, 50.1, 50.2])
     assert truth.positions_m[:, 0].tolist() == [0, 1, 2]
     assert ("no orientation" in "".join(found.notes)) == (kind == "points")
+    assert truth.has_orientation == (kind != "points")
+    write_tum(tmp_path / "kept.txt", truth)
+    kept = read_groundtruth(tmp_path / "kept.txt")
+    assert kept.take(np.arange(2)).has_orientation == (kind != "points")
 
 
 @pytest.mark.parametrize(

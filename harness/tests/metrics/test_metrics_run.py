@@ -2,6 +2,7 @@
 """From a raw run folder to its summary and Parquet files, including truncated and missing files."""
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -11,7 +12,7 @@ from path_files import write_path
 from results_factory import RawRun, room_walk, spec_of, write_raw
 
 from slambed import document
-from slambed.data.trajectory import read_tum
+from slambed.data.trajectory import read_tum, write_tum
 from slambed.metrics.accuracy import absolute_error
 from slambed.metrics.catalog import SUMMARY_KEYS, metrics_of
 from slambed.metrics.collect import keep_groundtruth
@@ -125,6 +126,22 @@ def test_one_camera_is_judged_up_to_its_scale_and_marked(
     else:
         assert found["ate_scale"] == 1
         assert found["ate_rmse_m"] > 10 * metric["ate_rmse_m"]
+
+
+def test_positions_alone_have_an_ate_and_no_relative_error(tmp_path: Path) -> None:
+    """A bag's points have no orientation, so an error of the motion between two poses is none."""
+    raw = write_raw(tmp_path / "raw", RawRun(edge=False))
+    spec = spec_of("orbslam2", "default", None, 0)
+    whole = summarize_run(raw, spec)
+    truth = read_tum(raw / "groundtruth.txt")
+    still = np.tile([0.0, 0.0, 0.0, 1.0], (len(truth), 1))
+    points = replace(truth, quaternions_xyzw=still, has_orientation=False)
+    write_tum(raw / "groundtruth.txt", points)
+    found = summarize_run(raw, spec)
+    assert found["ate_rmse_m"] == pytest.approx(whole["ate_rmse_m"], abs=1e-5)
+    relative = [key for key in SUMMARY_KEYS if key.startswith(("rpe_", "rte_", "rre_"))]
+    assert any(whole[key] is not None for key in relative) and len(relative) >= 10
+    assert {found[key] for key in relative} == {None}
 
 
 def test_one_camera_is_known_where_the_run_names_a_containers_folder(tmp_path: Path) -> None:

@@ -162,7 +162,7 @@ class Reader(SequenceReader):
             messages = (message for _, message, _ in self._messages(bag, [str(topic)]))
             poses = poses_of(messages, where)
         if is_without_turn(poses):
-            self.notes.append(f"{where}: points have no orientation; compare positions alone")
+            self.notes.append(f"{where}: points have no orientation, so there is no RPE")
         return truth_of(poses, where)
 
     def _frame(self, stamp: int, messages: list[Any]) -> Frame:
