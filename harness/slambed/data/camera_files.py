@@ -24,6 +24,10 @@ Floats = NDArray[np.float64]
 
 #: Of pixels and meters in a calibration.
 _LARGEST = 1e6
+#: Two statements about one baseline may differ by as much.
+_BASELINE_SHARE = 0.01
+#: Of a camera matrix; no camera here has one.
+_SKEW_PX = 0.01
 #: What only OpenCV's own parser accepts: its first line, with or without a comment, and its types.
 _OPENCV = re.compile(r"^%YAML:?[ \t]*1\.0[ \t]*(#.*)?$|!!opencv[-_](nd[-_])?matrix", re.M)
 #: OpenCV needs no blank behind a key.
@@ -223,6 +227,11 @@ def _opencv(data: dict[str, Any], where: str) -> list[CalibratedCamera]:
         raise ValueError(
             f"the last row of its camera matrix is {found}, expected 0 0 1 (written by columns?)"
         )
+    if abs(matrix[0, 1]) > _SKEW_PX:
+        raise ValueError(f"its camera matrix has a skew of {matrix[0, 1]:g}, expected 0")
+    region = data.get("roi")
+    if isinstance(region, Mapping) and any(region.get(key) for key in ("x_offset", "y_offset")):
+        raise ValueError("its pictures are a region (roi) of those that its numbers are of")
     # OpenCV's own calibration program writes fisheye_model.
     usual = "equidistant" if data.get("fisheye_model") else "plumb_bob"
     model = data.get("distortion_model") or usual
@@ -270,16 +279,22 @@ def _orbslam(data: dict[str, Any], where: str) -> list[CalibratedCamera]:
             remarks.append(f"{name} {factor:g} is 'depth_unit_m: {1 / factor:.6g}'")
     if "Camera.newWidth" in data or "Camera.newHeight" in data:
         remarks.append("ORB-SLAM makes pictures smaller (Camera.newWidth), slambed does not")
-    cameras = [
-        replace(first, bf=None if bf is None else float(bf), remarks=tuple(remarks)),
-    ]
-    if "Camera2.fx" in data:
-        pose = None
-        if (second_to_first := data.get("Stereo.T_c1_c2")) is not None:
-            place = f"{where}: Stereo.T_c1_c2"
-            pose = np.asarray(np.linalg.inv(_pose(_numbers(second_to_first), place)))
-        cameras.append(replace(_orbslam_camera(data, "Camera2", where), pose=pose))
-    return cameras
+    pose = None
+    if (second_to_first := data.get("Stereo.T_c1_c2")) is not None:
+        first_second = _pose(_numbers(second_to_first), f"{where}: Stereo.T_c1_c2")
+        pose = np.asarray(np.linalg.inv(first_second))
+        placed = fx * float(first_second[0, 3])
+        if bf is None and "Camera2.fx" not in data:
+            bf = placed
+        elif bf is not None and abs(float(bf) - placed) > _BASELINE_SHARE * abs(placed):
+            remarks.append(
+                f"its baseline is {float(bf) / fx:.4g} m, and {first_second[0, 3]:.4g} m in "
+                "Stereo.T_c1_c2; the first is taken"
+            )
+    first = replace(first, bf=None if bf is None else float(bf), remarks=tuple(remarks))
+    if "Camera2.fx" not in data:
+        return [first]
+    return [first, replace(_orbslam_camera(data, "Camera2", where), pose=pose)]
 
 
 def _orbslam_camera(data: dict[str, Any], head: str, where: str) -> CalibratedCamera:

@@ -14,7 +14,7 @@ from slambed.data.kitti_poses import KITTI_COLUMNS, matrices_of, pose_lines
 from slambed.data.pose_columns import named_columns
 from slambed.data.ros_poses import POSE_TYPES, POSES_KNOWN, poses_of, truth_of
 from slambed.data.text_file import fields, pose_rows, read_lines, table_lines
-from slambed.data.trajectory import Trajectory, read_tum
+from slambed.data.trajectory import Trajectory, read_tum, repeated_times
 from slambed.data.truth_times import in_seconds
 from slambed.errors import SlambedError
 
@@ -55,6 +55,8 @@ def read_path(path: Path, *, topic: str | None = None, times: Path | None = None
             f"{path}: all {len(found)} poses have the time {found.stamps_s[0]:.6f} s; record time "
             "stamps"
         )
+    if again := repeated_times(found):
+        notes = [*notes, f"{path}: poses that differ from another one of the same time: {again}"]
     return PathFile(found, "tum", notes)
 
 

@@ -21,6 +21,12 @@ _UNITS = {
 """Other words for units."""
 _POSITION = re.compile(r"(?:t|p|pos|position|p_rs_r)?_?([xyz])")
 _ROTATION = re.compile(r"(?:q|quat|quaternion|orientation|rotation|rot|r|q_rs)_?([xyzw])")
+_LENGTH = re.compile(
+    r"([^\s,;|\[(]+)\s*[\[(]\s*(mm|cm|km|ft|feet|in|inch|(?:milli|centi|kilo)met(?:er|re)s?)\s*[\])]",
+    re.I,
+)
+"""A column in another unit of length than meters."""
+_TITLE = re.compile(r"(?:format|columns|fields|header)\s*:\s*", re.I)
 _WANTED = ("time", "x", "y", "z", "qx", "qy", "qz", "qw")
 
 
@@ -46,8 +52,8 @@ def named_columns(lines: Sequence[str], where: str) -> PoseColumns | None:
     Raises SlambedError for a file of OpenVINS's states, whose rotation comes first.
     """
     for line in lines:
-        words = _UNIT.sub("", line.lstrip(" \t#")).replace(",", " ").replace(";", " ").split()
-        if words and not line.lstrip().startswith("#") and not words[0][0].isalpha():
+        words = _words(line)
+        if words and not line.lstrip().startswith("#") and not words[0].lstrip("_/")[:1].isalpha():
             return None
         names = [_name(word) for word in words]
         if names[:1] == ["time"] and words[1:3] == ["q", "p"]:
@@ -56,15 +62,33 @@ def named_columns(lines: Sequence[str], where: str) -> PoseColumns | None:
                 "('timestamp(s) tx ty tz qx qy qz qw')"
             )
         if all(names.count(name) == 1 for name in _WANTED):
+            _must_be_meters(line, where)
             unit = _unit_of(line, words[0]) if names[0] == "time" else None
             return PoseColumns(tuple(names.index(name) for name in _WANTED), unit)
         unknown = [word for word, name in zip(words, names, strict=True) if name not in _WANTED]
-        if names[:1] == ["time"] and len(words) >= len(_WANTED) and {"x", "y", "z"} <= {*names}:
+        poses = {"x", "y", "z"} <= {*names} or {"qx", "qy", "qz", "qw"} <= {*names}
+        if names[:1] == ["time"] and len(words) >= len(_WANTED) and poses:
             raise SlambedError(
                 f"{where}: a header with {', '.join(unknown) or 'a name twice'}, which no pose "
                 f"has; expected {' '.join(_WANTED)} in any order"
             )
     return None
+
+
+def _words(line: str) -> list[str]:
+    """Returns the names in a header, which may stand in brackets or quotes, behind a title."""
+    text = _TITLE.sub("", line.strip(" \t#\r\n"), count=1)
+    if text[:1] in ("[", "("):
+        text = text[1:].rstrip("])")
+    return [word.strip("\"'") for word in re.split(r"[\s,;|]+", _UNIT.sub("", text)) if word]
+
+
+def _must_be_meters(line: str, where: str) -> None:
+    for word, unit in _LENGTH.findall(line):
+        if _name(word.strip("\"'")) in ("x", "y", "z"):
+            raise SlambedError(
+                f"{where}: the header has {word} in {unit}, expected meters; convert the positions"
+            )
 
 
 def _unit_of(line: str, first: str) -> str | None:
@@ -75,8 +99,10 @@ def _unit_of(line: str, first: str) -> str | None:
 
 
 def _name(word: str) -> str:
-    lower = word.lower()
-    if _TIME.fullmatch(lower):
+    # Tables of ROS topics have paths: /pose/position/x, header.stamp.
+    parts = word.lower().replace("/", ".").strip("._").split(".")
+    lower = "_".join(parts[-2:])
+    if parts[-1] == "stamp" or _TIME.fullmatch(lower):
         return "time"
     if (found := _ROTATION.fullmatch(lower)) is not None:
         return f"q{found.group(1)}"

@@ -6,11 +6,18 @@ from __future__ import annotations
 import hashlib
 import json
 import os
-from pathlib import Path
+from pathlib import Path, PurePosixPath
 from typing import Any, Literal, Self
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict, Field, field_validator, model_validator
+from pydantic import (
+    BaseModel,
+    ConfigDict,
+    Field,
+    ValidationInfo,
+    field_validator,
+    model_validator,
+)
 
 from slambed.data.lens import PLAIN_COUNT, Lens, coefficients_of, model_of
 from slambed.data.model import LARGEST_SIDE, Camera, Sensor
@@ -22,6 +29,17 @@ UNVERIFIED = "unverified here"
 
 class _Strict(BaseModel):
     model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
+
+    @field_validator("*", mode="before")
+    @classmethod
+    def _no_word_for_a_number(cls, value: Any, field: ValidationInfo) -> Any:
+        """YAML reads `yes`, `on` and `no` as true and false, which pydantic takes for 1 and 0."""
+        kind = str(cls.model_fields[str(field.field_name)].annotation)
+        of_numbers = ("float" in kind or "int" in kind) and "bool" not in kind
+        given = value if isinstance(value, list | tuple) else [value]
+        if of_numbers and any(isinstance(item, bool) for item in given):
+            raise ValueError("expected a number, not true or false (yes, no, on, off)")
+        return value
 
 
 class CameraRecipe(_Strict):
@@ -100,6 +118,13 @@ class Download(_Strict):
     unpack: Literal["tar", "zip", "none"] = "none"
     """How the file is unpacked."""
     into: str = Field(default="", description="folder below the data folder that it unpacks to")
+
+    @field_validator("into")
+    @classmethod
+    def _below(cls, into: str) -> str:
+        if PurePosixPath(into).is_absolute() or ".." in PurePosixPath(into).parts:
+            raise ValueError("is not below the data folder; write a path without '..'")
+        return into
 
     @property
     def verified(self) -> bool:
@@ -210,7 +235,7 @@ class Dataset(_Strict):
     """Meters per step of the depth pictures; required for `rgbd`."""
     close_depth_baselines: float = Field(default=40.0, gt=0)
     """ORB-SLAM2's ThDepth: points nearer than this many baselines are close."""
-    fps: float = Field(default=30.0, gt=0)
+    fps: float = Field(default=30.0, ge=0.001, le=10_000)
     """Nominal rate of the recording."""
     playback: DatasetPlayback = DatasetPlayback()
     """What an experiment's `playback` leaves open."""

@@ -32,7 +32,14 @@ def poses_of(messages: Iterable[Any], where: str) -> dict[int, Pose]:
     """Returns timestamp in nanoseconds -> pose; repeated poses of Path messages take the latest
     value."""
     poses: dict[int, Pose] = {}
+    frames: set[str] = set()
     for number, message in enumerate(messages, 1):
+        frames.add(getattr(message, "child_frame_id", ""))
+        if len(frames) > 1:
+            raise SlambedError(
+                f"{where} message {number}: poses of several frames ({', '.join(sorted(frames))}); "
+                "record those of one frame on a topic of its own"
+            )
         for stamped in _stamped(message, where):
             stamp = stamped.header.stamp
             pose = _pose(stamped, where)

@@ -48,7 +48,7 @@ def table_lines(path: Path) -> Iterator[tuple[int, str]]:
 
 def is_header(words: list[str]) -> bool:
     """Returns True for column names such as `timestamp` or `r11`, but not for a mistyped time."""
-    name = words[0]
+    name = words[0].strip("\"'/[(")
     begins = re.match(r"[^\W\d]", name) is not None and not _is_number(name)
     return begins and sum(letter.isdecimal() for letter in name) <= _DIGITS_OF_A_NAME
 

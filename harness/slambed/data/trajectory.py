@@ -24,6 +24,8 @@ COLUMNS = 8
 EXPECTED = "expected 'time tx ty tz qx qy qz qw'"
 USUAL = PoseColumns(tuple(range(COLUMNS)), None)
 _POSITIONS_ALONE = "# positions alone, orientations are unknown"
+FARTHEST_M = 1e9
+"""Of a ground truth; it is further than any place on Earth from any origin in use."""
 LATEST = float(2**63)
 """Largest time, whose unit may be the nanosecond."""
 
@@ -115,9 +117,19 @@ def read_groundtruth(path: Path) -> Trajectory:
     found = read_tum(path)
     if not len(found):
         raise SlambedError(f"{path}: no pose in it; {EXPECTED}")
+    if (farthest := float(np.abs(found.positions_m).max())) > FARTHEST_M:
+        raise SlambedError(f"{path}: a pose is {farthest:g} m away, expected meters; correct it")
     once = found.take(np.flatnonzero(np.diff(found.stamps_s, prepend=-np.inf) > 0))
     lengths = np.linalg.norm(once.quaternions_xyzw, axis=1, keepdims=True)
     return replace(once, quaternions_xyzw=once.quaternions_xyzw / lengths)
+
+
+def repeated_times(path: Trajectory) -> int:
+    """Returns how many poses of a sorted trajectory have the time of the one before and another
+    place or orientation."""
+    again = np.diff(path.stamps_s) == 0
+    differs = np.any(np.diff(path.rows()[:, 1:], axis=0) != 0, axis=1)
+    return int(np.count_nonzero(again & differs))
 
 
 def write_tum(path: Path, trajectory: Trajectory) -> None:

@@ -299,6 +299,11 @@ def test_the_baseline_and_the_depth_of_orbslam3(tmp_path: Path) -> None:
     file.write_text(text)
     lines, (_, depth) = camera_yaml(file, 0, None)
     assert "bf: 53.54," in lines and depth == "RGBD.DepthMapFactor 5000 is 'depth_unit_m: 0.0002'"
+    placed = "Stereo.T_c1_c2: [1, 0, 0, 0.2, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1]\n"
+    file.write_text(text + placed)
+    assert "0.1 m, and 0.2 m in Stereo.T_c1_c2" in "".join(camera_yaml(file, 0, None)[1])
+    file.write_text(text.replace("Stereo.b: 0.1", "") + placed)
+    assert "bf: 107.08," in camera_yaml(file, 0, None)[0]
     file.write_text(f"{text}Camera.newWidth: 320\n")
     assert "ORB-SLAM makes pictures smaller" in camera_yaml(file, 0, None)[1][-1]
     file.write_text(f"{text}Camera.type: Omni\n")

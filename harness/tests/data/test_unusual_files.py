@@ -10,17 +10,19 @@ from typing import Any
 import numpy as np
 import pytest
 from command_line import refused, slambed
-from test_data_bags import START_NS, image, reader, write
-from test_data_readers import options, write_seven_scenes
+from test_data_bags import START_NS, image, message, reader, stamped, truth_of, write
+from test_data_readers import options, write_euroc, write_seven_scenes
 
 from slambed.data.camera_files import read_cameras
 from slambed.data.catalog import Catalog
 from slambed.data.import_camera import camera_yaml
 from slambed.data.model import implausible
+from slambed.data.path_file import read_path
 from slambed.data.readers import load_reader
 from slambed.data.readers.base import numbered
+from slambed.data.recipe_file import load_recipe
 from slambed.data.ros_images import depth_of
-from slambed.data.trajectory import Trajectory, read_tum
+from slambed.data.trajectory import Trajectory, read_groundtruth, read_tum, repeated_times
 from slambed.data.truth_times import fitting_truth
 from slambed.errors import SlambedError
 from slambed.files.yaml_source import load_yaml
@@ -38,6 +40,20 @@ ROW = "0.5 1 2 3 0.6 0 0 0.8\n"
         ("time (usec),x,y,z,qx,qy,qz,qw", "5e5,1,2,3,0.6,0,0,0.8"),
         ("# t x y z rw rx ry rz", "0.5 1 2 3 0.8 0.6 0 0"),
         ("#time_s qx qy qz qw tx ty tz", "0.5 0.6 0 0 0.8 1 2 3"),
+        (
+            "__time,/p/position/x,/p/position/y,/p/position/z,/p/orientation/w,/p/orientation/x,"
+            "/p/orientation/y,/p/orientation/z",
+            "0.5,1,2,3,0.8,0.6,0,0",
+        ),
+        (
+            "header.stamp,position.x,position.y,position.z,orientation.w,orientation.x,"
+            "orientation.y,orientation.z",
+            "0.5,1,2,3,0.8,0.6,0,0",
+        ),
+        ("# [timestamp, tx, ty, tz, qw, qx, qy, qz]", "0.5 1 2 3 0.8 0.6 0 0"),
+        ('"timestamp","tx","ty","tz","qw","qx","qy","qz"', "0.5,1,2,3,0.8,0.6,0,0"),
+        ("# format: t x y z qw qx qy qz", "0.5 1 2 3 0.8 0.6 0 0"),
+        ("# t | x [m] | y [m] | z [m] | qw | qx | qy | qz", "0.5 1 2 3 0.8 0.6 0 0"),
     ],
 )
 def test_names_and_units_of_a_header_count(tmp_path: Path, header: str, row: str) -> None:
@@ -52,6 +68,77 @@ def test_a_header_with_an_unknown_name_is_refused(tmp_path: Path) -> None:
     path.write_text("t,x,y,z,q0,q1,q2,q3\n0.5,1,2,3,0.8,0.6,0,0\n")
     with pytest.raises(SlambedError, match="a header with q0, q1, q2, q3, which no pose has"):
         read_tum(path)
+
+
+@pytest.mark.parametrize(
+    ("header", "complaint"),
+    [
+        ("# t[s] tx[mm] ty[mm] tz[mm] qx qy qz qw", "tx in mm, expected meters"),
+        ("#timestamp [ns], p_x [cm], p_y [cm], p_z [cm], qw, qx, qy, qz", "p_x in cm, expected"),
+        ("# timestamp lat lon alt qx qy qz qw", "a header with lat, lon, alt, which no pose has"),
+        ("# timestamp tx tx tz qx qy qz qw", "a header with a name twice"),
+    ],
+)
+def test_a_header_that_is_of_no_pose_in_meters_is_refused(
+    tmp_path: Path, header: str, complaint: str
+) -> None:
+    path = tmp_path / "a.txt"
+    path.write_text(f"{header}\n{ROW}")
+    with pytest.raises(SlambedError, match=complaint):
+        read_tum(path)
+
+
+def test_two_poses_of_one_time_are_told(tmp_path: Path) -> None:
+    path = tmp_path / "a.txt"
+    path.write_text(ROW + ROW + ROW.replace("1 2 3", "6 2 3") + ROW.replace("0.5", "0.6"))
+    assert repeated_times(read_tum(path)) == 1
+    assert "differ from another one of the same time: 1" in read_path(path).notes[0]
+    path.write_text(ROW + ROW + ROW.replace("0.5", "0.6"))
+    assert not read_path(path).notes
+
+
+def test_a_ground_truth_beyond_the_earth_is_refused(tmp_path: Path) -> None:
+    path = tmp_path / "a.txt"
+    path.write_text(ROW.replace("1 2 3", "1e300 2 3"))
+    with pytest.raises(SlambedError, match="a pose is 1e\\+300 m away, expected meters"):
+        read_groundtruth(path)
+    assert len(read_tum(path)) == 1  # what a system left is an outcome
+
+
+def test_poses_of_two_frames_on_one_topic_are_refused(tmp_path: Path) -> None:
+    poses = [stamped(0, 0.0), stamped(1, 1.0)]
+    moved = [message("geometry_msgs/msg/Transform", translation=p.pose.position,
+                     rotation=p.pose.orientation) for p in poses]  # fmt: skip
+    sent = [
+        message("geometry_msgs/msg/TransformStamped", header=p.header, child_frame_id=name,
+                transform=transform)
+        for p, transform, name in zip(poses, moved, ("camera", "robot"), strict=True)
+    ]  # fmt: skip
+    with pytest.raises(SlambedError, match=r"message 2: poses of several frames \(camera, robot"):
+        truth_of(tmp_path, sent).trajectory()
+
+
+def test_times_of_euroc_belong_to_the_source(tmp_path: Path) -> None:
+    """A list that changed is prepared anew."""
+    write_euroc(tmp_path)
+    found: Any = load_reader("euroc")(tmp_path, options(sensor="stereo"))
+    lists = {file.parent.name for file in found.files() if file.name == "data.csv"}
+    assert lists >= {"cam0", "cam1"}
+
+
+def test_a_dataset_file_has_numbers_where_numbers_are_expected(tmp_path: Path) -> None:
+    for key, value, complaint in (
+        ("fps", "yes", "'fps': expected a number, not true or false"),
+        ("fps", "1.0e-300", "greater than or equal to 0.001"),
+        ("camera", "{width: 4, height: 4, fx: on, fy: 1, cx: 1, cy: 1, bf: 1}", "'camera.fx': exp"),
+        ("camera", "{width: 4, height: 4, fx: 1, fy: 1, cx: 1, cy: 1, bf: 1, "
+         "distortion: [no, 0, 0, 0]}", "'camera.distortion': expected a number"),
+        ("download", "{url: 'file:///a', into: ../up}", "'download.into': is not below the data"),
+    ):  # fmt: skip
+        file = tmp_path / "x.yaml"
+        file.write_text(f"id: x\ntitle: t\nreader: tum\npaths: [x]\n{key}: {value}\n")
+        with pytest.raises(SlambedError, match=complaint):
+            load_recipe(file)
 
 
 def pictures_at(*stamps_ms: int) -> list[Any]:
@@ -143,6 +230,10 @@ def test_calibrations_of_opencv(tmp_path: Path) -> None:
     assert "written by columns" in refused(2, "data", "import-camera", str(file))
     file.write_text(OPENCV.format(matrix=UPRIGHT) + "fisheye_model: 1\n")
     assert read_cameras(file)[1][0].lens.model == "equidistant"
+    file.write_text(OPENCV.format(matrix=UPRIGHT.replace("500, 0,", "500, 7.5,", 1)))
+    assert "a skew of 7.5" in refused(2, "data", "import-camera", str(file))
+    file.write_text(OPENCV.format(matrix=UPRIGHT) + "roi: {x_offset: 100, y_offset: 50}\n")
+    assert "are a region (roi)" in refused(2, "data", "import-camera", str(file))
     file.write_text(OPENCV.format(matrix=UPRIGHT) + "binning_x: 2\n")
     assert "binning_x is 2" in refused(2, "data", "import-camera", str(file))
 

@@ -99,6 +99,7 @@ class Reader(FolderReader):
     def files(self) -> Iterable[Path]:
         for name in self._names:
             yield self._sensor_file(name)
+            yield self._mav / name / "data.csv"
         if (poses := self._poses_file()) is not None:
             yield poses
         for images in self._frames:

@@ -25,6 +25,7 @@ from slambed.data.trajectory import Trajectory
 from slambed.errors import SlambedError
 from slambed.files.outputs import is_file
 
+_SKEW_PX = 0.01
 _PROJECTION = "12 numbers, a 3x4 projection"
 
 
@@ -168,7 +169,14 @@ class Reader(FolderReader):
                     f"{self._calibration}:{number}: {len(matrix)} values, expected {_PROJECTION}; "
                     "fetch the file again"
                 )
-            return number, matrix.reshape(3, 4)
+            projection = matrix.reshape(3, 4)
+            if abs(projection[0, 1]) > _SKEW_PX or not np.allclose(projection[2], [0, 0, 1, 0]):
+                raise SlambedError(
+                    f"{self._calibration}:{number}: {wanted} has the skew {projection[0, 1]:g} and "
+                    f"the last row {' '.join(f'{value:g}' for value in projection[2])}, expected 0 "
+                    "and 0 0 1 0, as of rectified pictures; fetch the file again"
+                )
+            return number, projection
         raise SlambedError(f"{self._calibration}: no line {wanted} with {_PROJECTION}; complete it")
 
     def _poses_file(self) -> Path | None:

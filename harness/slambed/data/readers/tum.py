@@ -13,7 +13,7 @@ from slambed.data.images import read_depth, read_gray
 from slambed.data.model import Frame
 from slambed.data.readers.base import FolderReader, ReaderOptions, require, require_poses
 from slambed.data.text_file import table_lines
-from slambed.data.trajectory import Trajectory, read_groundtruth
+from slambed.data.trajectory import Trajectory, read_groundtruth, read_tum, repeated_times
 from slambed.errors import SlambedError
 from slambed.files.outputs import is_file
 
@@ -93,7 +93,13 @@ class Reader(FolderReader):
     def trajectory(self) -> Trajectory | None:
         if not self.options.groundtruth:
             return None
-        return read_groundtruth(require_poses(self.path / self.options.groundtruth))
+        file = require_poses(self.path / self.options.groundtruth)
+        if again := repeated_times(read_tum(file)):
+            self.notes.append(
+                f"{file}: poses that differ from another one of the same time: {again}; the first "
+                "of each time is taken"
+            )
+        return read_groundtruth(file)
 
     def _read_list(self, path: Path) -> list[_Image]:
         """Reads lines `time file`, sorted by time; of lines with the same time the first is
