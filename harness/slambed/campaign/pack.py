@@ -189,8 +189,12 @@ def _members(file: Path) -> Iterator[tuple[PurePosixPath, Files]]:
             content = stream.extractfile(member)
             assert content is not None
             files[path.relative_to(folder)] = content.read()
-        if place is not None:
-            yield place, files
+        assert stream.fileobj is not None
+        while stream.fileobj.read(1 << 20):  # what is cut off at the very end is noticed here
+            pass
+        if place is None:
+            raise SlambedError(f"{file} is no file of `slambed results pack`: nothing is in it")
+        yield place, files
 
 
 @contextmanager
@@ -222,7 +226,9 @@ def _take_run(store: RunStore, key: str, files: Files, file: Path) -> bool:
 def _must_be_whole(files: Files, place: PurePosixPath, file: Path) -> None:
     """Refuses a torn plan, which would block every command on the results folder."""
     plan = PurePosixPath("experiment.json")
-    if plan in files and keys_of(object_of(files[plan])) is None:
+    if plan not in files:
+        raise SlambedError(f"{file} is no file of `slambed results pack`: {place} has no {plan}")
+    if keys_of(object_of(files[plan])) is None:
         raise SlambedError(f"{file}: {place / plan} is not whole; pack it again")
 
 

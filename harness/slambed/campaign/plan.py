@@ -27,7 +27,14 @@ from slambed.link.named_profile import adds_nothing, backend_for, read_profile
 from slambed.spec import inputs
 from slambed.spec.board import NETWORK, Board
 from slambed.spec.device import LOCAL, VIRTUAL
-from slambed.spec.experiment import Experiment, Playback, SystemChoice, assumed, has_cuts
+from slambed.spec.experiment import (
+    MOST_RUNS,
+    Experiment,
+    Playback,
+    SystemChoice,
+    assumed,
+    has_cuts,
+)
 from slambed.spec.host_speed import load_host_speed
 from slambed.spec.library import Library
 from slambed.spec.masks import MasksAsked
@@ -72,9 +79,11 @@ def repetitions(experiment: Experiment, asked: int | str | None) -> int:
         if experiment.runs.paper is None:
             raise SlambedError(f"experiment {experiment.id} has no runs.paper; give a number")
         return experiment.runs.paper
-    if (isinstance(asked, int) or asked.isdigit()) and (count := int(asked)) >= 1:
+    if (isinstance(asked, int) or asked.isdigit()) and 1 <= (count := int(asked)) <= MOST_RUNS:
         return count
-    raise SlambedError(f"--runs {asked} is neither a number above 0 nor 'paper' nor 'default'")
+    raise SlambedError(
+        f"--runs {asked} is neither a number from 1 to {MOST_RUNS:,} nor 'paper' nor 'default'"
+    )
 
 
 def check(

@@ -106,13 +106,23 @@ class Catalog:
                 self._of_file(found[0])
         return dataset
 
-    def resolve(self, name: str, cache_dir: Path | None = None) -> Dataset:
-        """Like get, but resolves a `first_of` to its first available choice."""
+    def resolve(
+        self, name: str, cache_dir: Path | None = None, within: tuple[str, ...] = ()
+    ) -> Dataset:
+        """Like get, but resolves a `first_of` to its first available choice; `within` are those
+        that lead here."""
         dataset = self.get(name)
         if not dataset.first_of:
             return dataset
+        path = (*within, dataset.id)
+        if dataset.id in within:
+            raise SlambedError(
+                f"dataset '{dataset.id}': first_of leads back to it ({' -> '.join(path)}); leave "
+                "one of them out"
+            )
         choices = [
-            self.resolve(self._named_by(dataset, choice), cache_dir) for choice in dataset.first_of
+            self.resolve(self._named_by(dataset, choice), cache_dir, path)
+            for choice in dataset.first_of
         ]
         return next((c for c in choices if self.available(c, cache_dir)), choices[-1])
 

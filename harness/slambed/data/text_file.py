@@ -19,6 +19,8 @@ _BETWEEN = re.compile(r"[\s,;]+")
 def read_lines(path: Path) -> list[str]:
     """Returns the lines of a text file, without line endings."""
     try:
+        if path.exists() and not path.is_file():
+            raise SlambedError(f"{path}: a folder, pipe or device, expected a file")
         return decode_text(path.read_bytes(), str(path)).split("\n")
     except OSError as refused:
         raise SlambedError(f"{path}: cannot be read: {refused.strerror}") from refused

@@ -27,7 +27,7 @@ KINDS = {
     "model_type": "a mapping",
 }
 """Error type of pydantic -> what was expected, in terms of YAML."""
-_POWER_OF_TEN = re.compile(r"([+-]?\d+)(?:\.(\d*))?[eE]\+?(\d+)")
+_POWER_OF_TEN = re.compile(r"([+-]?\d+)(?:\.(\d*))?[eE]([+-]?)(\d+)")
 """Numbers such as 1e9, which YAML 1.1 reads as text: it wants a point and a sign."""
 _OTHER_BASE = re.compile(r"[+-]?(?:0_*[0-7][0-7_]*$|[\d_.]*:)")
 """Numbers that YAML 1.1 reads in another base, which nobody means."""
@@ -98,16 +98,20 @@ def _construct(
 ) -> Any:
     lines.setdefault(location, node.start_mark.line + 1)
     if isinstance(node, yaml.MappingNode):
-        loader.flatten_mapping(node)
+        own = {id(key_node) for key_node, _ in node.value}
+        loader.flatten_mapping(node)  # puts what `<<` merges before the mapping's own keys
         mapping: dict[str | int | float, Any] = {}
+        written: set[str | int | float] = set()
         for key_node, value_node in node.value:
             key = loader.construct_object(key_node)
             line = key_node.start_mark.line + 1
             if not isinstance(key, str | int | float) or isinstance(key, bool):
                 # YAML 1.1 reads an unquoted `on` or `no` as true/false.
                 raise SlambedError(f"key {key!r} is not text (quote it), {path} line {line}")
-            if key in mapping:
+            if key in written:
                 raise SlambedError(f"key '{key}' is given twice, {path} line {line}")
+            if id(key_node) in own:
+                written.add(key)
             lines[(*location, key)] = line
             mapping[key] = _construct(loader, value_node, (*location, key), lines, path)
         return mapping
@@ -210,8 +214,8 @@ def in_words(value: object) -> str:
     if isinstance(value, dict):
         return "a mapping"
     if isinstance(value, str) and (power := _POWER_OF_TEN.fullmatch(value)):
-        whole, fraction, exponent = power.groups()
-        number = f"{whole}.{fraction or 0}e+{exponent}"
+        whole, fraction, sign, exponent = power.groups()
+        number = f"{whole}.{fraction or 0}e{sign or '+'}{exponent}"
         return f"the text {value!r} (YAML's form of this number is {number})"
     return "a list" if isinstance(value, list) else repr(value)
 

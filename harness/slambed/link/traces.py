@@ -127,7 +127,13 @@ def read_rtt_trace(description: TraceFile, near: Path | None, remarks: list[str]
         times, values = _read_columns(path, description)
     if len(times) == 0:
         raise SlambedError(f"no samples, {path}; expected {description.format} lines")
-    times = times - times[0] - description.start_s
+    times = times - times[0]
+    if (back := np.flatnonzero(times < 0)).size:
+        raise SlambedError(
+            f"time goes back to {-times[back[0]]:g} s before the first sample, {path}; was the "
+            "clock set? Sort the file, or cut it there"
+        )
+    times = times - description.start_s
     chosen = times >= 0
     if description.length_s is not None:
         chosen &= times <= description.length_s
@@ -154,8 +160,8 @@ def _check(path: Path, times: np.ndarray, values: np.ndarray, description: Trace
         start = times[bad[0]] + description.start_s
         raise SlambedError(
             f"gap of {steps[bad[0]]:.1f} s in the trace at {start:.1f} s, longer than "
-            f"{longest_s:g} s, {path}; choose another window (start_s, length_s), or raise "
-            "max_gap_s and add a true outage under gaps"
+            f"{longest_s:g} s, {path}; choose another window (start_s, length_s), raise max_gap_s "
+            f"and add a true outage under gaps, or correct time_unit ({description.time_unit})"
         )
 
 
@@ -177,9 +183,16 @@ def _read_columns(path: Path, description: TraceFile) -> tuple[np.ndarray, np.nd
     for name in (description.time, description.rtt):
         if name not in header:
             raise SlambedError(f"no column '{name}', {path}; {suggestion(name, header)}")
+        if header.count(name) > 1:
+            raise SlambedError(f"column '{name}' is there twice, {path}; rename one of them")
         places.append(header.index(name))
     times, values = [], []
     for number, row in rows[1:]:
+        if len(row) > len(header) and any(cell.strip() for cell in row[len(header) :]):
+            raise SlambedError(
+                f"{len(row)} cells under {len(header)} columns, {path} line {number}; write "
+                "decimals with a point"
+            )
         try:
             times.append(_time_of(row[places[0]], description.time_unit))
             values.append(float(row[places[1]]))

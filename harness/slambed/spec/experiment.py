@@ -123,14 +123,18 @@ class LinkChoice(BaseModel):
     """Names of netem_profiles/*.yaml, constant RTTs in ms, or inline profiles."""
 
 
+MOST_RUNS = 10_000
+"""Of a combination: the plan of more would take minutes to make."""
+
+
 class Runs(BaseModel):
     """Repetitions of each cell."""
 
     model_config = STRICT
 
-    default: int = Field(default=3, ge=1)
+    default: int = Field(default=3, ge=1, le=MOST_RUNS)
     """As many as are made without `--runs`."""
-    paper: int | None = Field(default=None, ge=1)
+    paper: int | None = Field(default=None, ge=1, le=MOST_RUNS)
     """The number of runs in the paper; selected with `--runs paper`."""
 
 

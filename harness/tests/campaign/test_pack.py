@@ -162,6 +162,7 @@ def test_a_torn_file_leaves_no_half_run(packed: Path, tmp_path: Path) -> None:
         ("runs/0123/manifest.json", tarfile.SYMTYPE),
         ("runs/manifest.json", tarfile.REGTYPE),
         ("loose.txt", tarfile.REGTYPE),
+        ("somebodys/notes.txt", tarfile.REGTYPE),
     ],
 )
 def test_a_foreign_archive_is_refused_and_writes_nothing(
@@ -175,7 +176,7 @@ def test_a_foreign_archive_is_refused_and_writes_nothing(
         out.addfile(member)
     there = tmp_path / "there"
     line = refused(ExitCode.BAD_INPUT, "results", "unpack", str(file), *of(there))
-    assert "no file of `slambed results pack`" in line and name in line
+    assert "no file of `slambed results pack`" in line and name.partition("/")[0] in line
     assert not (tmp_path / "outside").exists()
     assert [path.name for path in there.rglob("*") if path.is_file()] == [".lock"]
 
@@ -188,6 +189,12 @@ def test_what_cannot_be_packed_or_unpacked_is_reported(packed: Path, tmp_path: P
     assert "cannot pack: No such file" in refused(
         ExitCode.ENVIRONMENT, "results", "pack", "tiny", "-o", no_folder, *of(here)
     )
+    empty = tmp_path / "empty.tar.xz"
+    tarfile.open(empty, "w:xz").close()
+    assert "nothing is in it" in refused(2, "results", "unpack", str(empty), *of(here))
+    cut = tmp_path / "cut.tar.xz"
+    cut.write_bytes(packed.read_bytes()[:-5])
+    assert "cut.tar.xz is torn" in refused(2, "results", "unpack", str(cut), *of(here))
     text = tmp_path / "text.tar.xz"
     text.write_text("not one")
     assert "is torn, or no file" in refused(2, "results", "unpack", str(text), *of(here))

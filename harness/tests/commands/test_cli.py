@@ -145,6 +145,7 @@ def test_checking_knows_how_long_a_prepared_sequence_is(tmp_path: Path) -> None:
         (("--set", "link.rtt_ms=20"), "unknown key 'rtt_ms'"),
         (("--runs", "some"), "--runs some is neither a number"),
         (("--runs", "0"), "--runs 0 is neither a number"),
+        (("--runs", "10001"), "--runs 10001 is neither a number from 1 to 10,000"),
         (("--only", "nothing"), "--dry-run looks at combinations"),
     ],
 )

@@ -312,9 +312,28 @@ def test_files_named_in_a_dataset_are_beside_it(
     assert catalog.resolve(str(first)).note == "own"
 
 
+def test_a_first_of_that_leads_back_is_named(tmp_path: Path) -> None:
+    one = dataset_file(tmp_path, "one", "first_of: [./two.yaml]\n")
+    dataset_file(tmp_path, "two", "first_of: [./one.yaml]\n")
+    line = refused(2, "data", "prepare", str(one))
+    assert "'one': first_of leads back to it (one -> two -> one)" in line
+
+
+def test_a_merged_mapping_may_be_overridden(tmp_path: Path) -> None:
+    file = tmp_path / "a.yaml"
+    file.write_text("a: &base {x: 1, y: 2}\nb: {<<: *base, y: 3}\nc:\n  y: 4\n  <<: *base\n")
+    assert load_yaml(file).data["b"] == {"x": 1, "y": 3}
+    assert load_yaml(file).data["c"] == {"x": 1, "y": 4}
+    file.write_text("a: &base {x: 1}\nb: {<<: *base, y: 3, y: 4}\n")
+    with pytest.raises(SlambedError, match="key 'y' is given twice"):
+        load_yaml(file)
+
+
 def test_a_pipe_is_named(tmp_path: Path) -> None:
     os.mkfifo(tmp_path / "p")
     assert "a pipe or device" in refused(2, "evaluate", str(tmp_path / "p"), str(tmp_path / "p"))
+    with pytest.raises(SlambedError, match="a folder, pipe or device, expected a file"):
+        read_tum(tmp_path / "p")
 
 
 def test_times_of_kitti_increase(tmp_path: Path) -> None:

@@ -106,6 +106,10 @@ def test_a_ping_log(tmp_path: Path) -> None:
         ("time_s,rtt_ms\n0,1\nnan,2\n", {}, "time is not a number.*line 3"),
         ("time_s,rtt_ms\n0,1\n0.5\n", {}, "not a time and a number.*line 3"),
         ("time_s,rtt\n0,1\n", {}, "no column 'rtt_ms'.*did you mean 'rtt'"),
+        ("time_s,rtt_ms\n0,0,12,5\n1,0,13,1\n", {}, "4 cells under 2 columns.*line 2; write dec"),
+        ("time_s,rtt_ms,rtt_ms\n0,12,99\n", {}, "column 'rtt_ms' is there twice"),
+        ("time_s,rtt_ms\n9,1\n8,2\n", {}, "time goes back to 1 s before the first sample"),
+        ("time_s,rtt_ms\n0,1\n2000,2\n", {}, r"gap of 2000.* or correct time_unit \(s\)"),
         ("time_s,rtt_ms\n", {}, "no samples"),
         ("nothing here\n", {"format": "ping"}, "no samples"),
         ("time_s,rtt_ms\n0,1\n0.5,2\n", {"start_s": 60.0}, "no samples between"),
@@ -119,6 +123,16 @@ def test_a_bad_trace_gets_one_clear_line(
     with pytest.raises(SlambedError, match=message) as caught:
         trace(tmp_path, text, **keys)
     assert "\n" not in str(caught.value)
+
+
+def test_replies_of_a_clock_that_was_set_back_do_not_vanish(tmp_path: Path) -> None:
+    text = "".join(
+        f"[{1.7e9 + 0.2 * i - (3600 if i > 5 else 0):.6f}] 64 bytes from 1.2.3.4: icmp_seq={i} "
+        f"ttl=64 time={10 * i} ms\n"
+        for i in range(1, 9)
+    )
+    with pytest.raises(SlambedError, match=r"time goes back to 3599.* was the clock set"):
+        trace(tmp_path, text, format="ping")
 
 
 def test_a_trace_is_found_beside_its_profile(tmp_path: Path) -> None:

@@ -65,6 +65,7 @@ def complaint_of(root: Path, text: str, host: Circumstances = HOST) -> str:
         ("end_s: 2", "start_s: 3, end_s: 2", ["end_s 2.0 is not after start_s 3.0", "line 9"]),
         ("title: A tiny experiment\n", "", ["'title' is missing"]),
         ("seed: 7", "seed: 7\nseed: 8", ["'seed' is given twice", "line 16"]),
+        ("fps: 10", "fps: 1e-3", ["'playback.fps'", "YAML's form of this number is 1.0e-3"]),
         ("seed: 7", "seed: many", ["'seed'", "integer", "'many'", "line 15"]),
         ("seed: 7", "seed: [", ["not YAML", "tiny.yaml line"]),
         ("system: solo", "system: sole", ["unknown system 'sole'", "'solo'", "line 4"]),
