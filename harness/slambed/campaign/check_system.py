@@ -341,7 +341,11 @@ def _path(trial: Trial, found: Checked) -> None:
     assert estimate is not None
     truth = read_tum(trial.sequence / "groundtruth.txt")
     with_scale = trial.system.sensors[0] == "mono"
-    error = absolute_error(estimate, truth, with_scale=with_scale).rmse
+    try:
+        error = absolute_error(estimate, truth, with_scale=with_scale).rmse
+    except SlambedError as none:
+        found.report(False, f"its path can be compared with the true one: {none}")
+        return
     inverse = absolute_error(_inverted(estimate), truth, with_scale=with_scale).rmse
     turned = inverse < INVERSE_IS_BETTER * error
     line = "poses are camera to world"

@@ -263,7 +263,7 @@ def evaluate(
     truth: Annotated[Path, typer.Argument(help="Ground truth: TUM, KITTI, or a ROS bag.")],
     association: Annotated[str, typer.Option(help="nearest (as evo) or tum.")] = "nearest",
     max_difference_s: Annotated[
-        float, typer.Option(help="Largest difference of two associated time stamps.")
+        float, typer.Option(min=0, help="Largest difference of two associated time stamps.")
     ] = 0.02,
     with_scale: Annotated[
         bool, typer.Option("--with-scale", help="Align with scale, Sim(3); the output names it.")
@@ -283,6 +283,8 @@ def evaluate(
     from slambed.metrics.accuracy import absolute_error, relative_error
     from slambed.metrics.kitti_error import kitti_error
 
+    if not delta_s > 0:
+        raise SlambedError(f"--delta-s {delta_s:g}: expected a time above 0 s")
     if association not in ("nearest", "tum"):
         raise SlambedError(f"unknown association '{association}'; known: nearest, tum")
     method: Literal["nearest", "tum"] = "tum" if association == "tum" else "nearest"

@@ -15,9 +15,19 @@ from rosbags.rosbag2 import Reader as RosBag2
 from rosbags.typesys import Stores, get_typestore
 
 from slambed.errors import SlambedError
+from slambed.files.outputs import is_file
 from slambed.suggestion import did_you_mean
 
 _LONGEST_REASON = 160
+_PACKED = {
+    b"\x1f\x8b": "gzip",
+    b"BZh": "bzip2",
+    b"\xfd7zXZ": "xz",
+    b"PK\x03\x04": "zip",
+    b"\x28\xb5\x2f\xfd": "zstd",
+    b"\x04\x22\x4d\x18": "lz4",
+}
+"""First bytes of a packed file -> what packed it."""
 
 
 class BagFile:
@@ -30,6 +40,8 @@ class BagFile:
     @contextmanager
     def open(self) -> Iterator[AnyReader]:
         """Opens all parts as one bag."""
+        for part in self.parts:
+            _must_be_unpacked(part)
         with ExitStack() as stack:
             with self._library():
                 bag = AnyReader(self.parts, default_typestore=_standard())
@@ -88,6 +100,16 @@ class BagFile:
             )
 
 
+def _must_be_unpacked(part: Path) -> None:
+    if not is_file(part):
+        return
+    with part.open("rb") as file:
+        start = file.read(max(map(len, _PACKED)))
+    for magic, program in _PACKED.items():
+        if start.startswith(magic):
+            raise SlambedError(f"{part}: packed by {program}; unpack it, and name what is inside")
+
+
 def _close(bag: AnyReader) -> None:
     """Closes a bag that was only read; errors of a damaged bag do not matter then."""
     with suppress(Exception):
@@ -121,6 +143,8 @@ def _other_fields(kind: str, fields: Any) -> str | None:
 
 def _reason(broken: Exception) -> str:
     """Shortens a library's error to one line, with a fix for bags left by crashes."""
+    if isinstance(broken, UnicodeDecodeError):
+        return "cannot be read as a bag: bytes where it has text; copy or record it again"
     reported: Sequence[object] = broken.args or (broken,)
     lines = " ".join(str(part) for part in reported).strip().splitlines()
     what = lines[0][:_LONGEST_REASON] if lines and lines[0] else type(broken).__name__
@@ -130,6 +154,11 @@ def _reason(broken: Exception) -> str:
         return (
             "cannot be read as a bag: a folder without metadata.yaml; name one that 'ros2 bag "
             "record' wrote, or repair it with 'ros2 bag reindex'"
+        )
+    if "malformed" in what or "not a database" in what:
+        return (
+            f"cannot be read as a bag: {what} (cut off or damaged); copy it again, or save what is "
+            "readable with '.recover' of sqlite3"
         )
     if ".active" in what:
         return "a recording that was not closed; repair it with 'rosbag reindex', then rename it"

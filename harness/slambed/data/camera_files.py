@@ -13,12 +13,13 @@ import numpy as np
 import yaml
 from numpy.typing import NDArray
 
-from slambed.data.lens import Lens, coefficients_of, model_of
+from slambed.data.lens import LARGEST_SKEW_PX, Lens, coefficients_of, model_of
 from slambed.data.model import LARGEST_SIDE
 from slambed.data.rotations import check_pose
 from slambed.data.text_file import read_lines
 from slambed.errors import SlambedError
-from slambed.files.yaml_text import read_yaml
+from slambed.files.yaml_source import in_words
+from slambed.files.yaml_text import problem_of, read_yaml
 
 Floats = NDArray[np.float64]
 
@@ -26,8 +27,6 @@ Floats = NDArray[np.float64]
 _LARGEST = 1e6
 #: Two statements about one baseline may differ by as much.
 _BASELINE_SHARE = 0.01
-#: Of a camera matrix; no camera here has one.
-_SKEW_PX = 0.01
 #: What only OpenCV's own parser accepts: its first line, with or without a comment, and its types.
 _OPENCV = re.compile(r"^%YAML:?[ \t]*1\.0[ \t]*(#.*)?$|!!opencv[-_](nd[-_])?matrix", re.M)
 #: OpenCV needs no blank behind a key.
@@ -86,8 +85,7 @@ def _load(file: Path) -> tuple[str, dict[str, Any]]:
     try:
         data = read_yaml(text)
     except yaml.YAMLError as broken:
-        line = getattr(getattr(broken, "problem_mark", None), "line", 0) + 1
-        problem = getattr(broken, "problem", None) or "it cannot be parsed"
+        problem, line = problem_of(broken, text)
         raise SlambedError(f"{file}:{line}: not YAML: {problem}; correct the file") from None
     if not isinstance(data, dict):
         return "no calibration", {}
@@ -97,7 +95,7 @@ def _load(file: Path) -> tuple[str, dict[str, Any]]:
 def _kind_of(data: Mapping[str, Any]) -> str:
     if "cam0" in data:
         return "a Kalibr camchain"
-    if "Camera.fx" in data or "Camera1.fx" in data:
+    if any(str(key).startswith(("Camera.", "Camera1.")) for key in data):
         return "a settings file of ORB-SLAM"
     if "model_type" in data:
         return "a calibration of camodocal (VINS)"
@@ -116,12 +114,32 @@ def _checked(
         return read(data, str(file))
     except KeyError as missing:
         raise SlambedError(f"{file}: key {missing} is missing, which {kind} has") from None
-    except (TypeError, ValueError, ArithmeticError, AttributeError, IndexError) as broken:
+    except (ValueError, ArithmeticError) as broken:
         raise SlambedError(f"{file}: not {kind}: {broken}; correct the file") from None
+    except (TypeError, AttributeError, IndexError):
+        raise SlambedError(
+            f"{file}: not {kind}: a number, a list or a mapping is where another of them is "
+            "expected; correct the file"
+        ) from None
 
 
-def _lens(intrinsics: Sequence[Any], model: object, distortion: Sequence[Any], where: str) -> Lens:
-    fx, fy, cx, cy = (float(value) for value in intrinsics)
+def _listed(value: Any, what: str, count: int | None = None) -> list[float]:
+    """Returns a list of numbers. Raises ValueError for anything else."""
+    if not isinstance(value, list) or count not in (None, len(value)):
+        found = f"{len(value)} values" if isinstance(value, list) else in_words(value)
+        expected = "a list of numbers" if count is None else f"{count} numbers"
+        raise ValueError(f"its {what} are {found}, expected {expected}")
+    return [float(number) for number in value]
+
+
+def _mapped(value: Any, what: str) -> Mapping[str, Any]:
+    if not isinstance(value, dict):
+        raise ValueError(f"its {what} is {in_words(value)}, expected a mapping of keys")
+    return value
+
+
+def _lens(intrinsics: Any, model: object, distortion: Any, where: str) -> Lens:
+    fx, fy, cx, cy = _listed(intrinsics, "intrinsics", 4)
     matrix = np.array([[fx, 0, cx], [0, fy, cy], [0, 0, 1]])
     if not (fx > 0 and fy > 0 and np.abs(matrix).max() <= _LARGEST):
         found = " ".join(f"{value:g}" for value in (fx, fy, cx, cy))
@@ -130,7 +148,7 @@ def _lens(intrinsics: Sequence[Any], model: object, distortion: Sequence[Any], w
             "calibrate again"
         )
     name = model_of(str(model), where)
-    return Lens(matrix, coefficients_of([float(v) for v in distortion], name, where), name)
+    return Lens(matrix, coefficients_of(_listed(distortion, "coefficients"), name, where), name)
 
 
 def _resolution(given: Any) -> tuple[int, int]:
@@ -177,14 +195,16 @@ def _asl(data: dict[str, Any], where: str) -> list[CalibratedCamera]:
         where,
     )
     size = _resolution(data["resolution"])
-    return [CalibratedCamera(size, lens, _pose(data["T_BS"]["data"], f"{where}: T_BS"))]
+    return [
+        CalibratedCamera(size, lens, _pose(_mapped(data["T_BS"], "T_BS")["data"], f"{where}: T_BS"))
+    ]
 
 
 def _kalibr(data: dict[str, Any], where: str) -> list[CalibratedCamera]:
     cameras: list[CalibratedCamera] = []
     to_imu_before: Floats | None = None
     for name in sorted(key for key in data if re.fullmatch(r"cam\d+", key)):
-        entry, place = data[name], f"{where}: {name}"
+        entry, place = _mapped(data[name], name), f"{where}: {name}"
         _must_be_pinhole(entry, place)
         lens = _lens(
             entry["intrinsics"], entry["distortion_model"], entry["distortion_coeffs"], place
@@ -227,7 +247,7 @@ def _opencv(data: dict[str, Any], where: str) -> list[CalibratedCamera]:
         raise ValueError(
             f"the last row of its camera matrix is {found}, expected 0 0 1 (written by columns?)"
         )
-    if abs(matrix[0, 1]) > _SKEW_PX:
+    if abs(matrix[0, 1]) > LARGEST_SKEW_PX:
         raise ValueError(f"its camera matrix has a skew of {matrix[0, 1]:g}, expected 0")
     region = data.get("roi")
     if isinstance(region, Mapping) and any(region.get(key) for key in ("x_offset", "y_offset")):
@@ -238,7 +258,7 @@ def _opencv(data: dict[str, Any], where: str) -> list[CalibratedCamera]:
     for name in ("binning_x", "binning_y"):
         if float(data.get(name) or 0) > 1:
             raise ValueError(f"{name} is {data[name]}, so its numbers are of larger pictures")
-    intrinsics = (matrix[0, 0], matrix[1, 1], matrix[0, 2], matrix[1, 2])
+    intrinsics = [matrix[0, 0], matrix[1, 1], matrix[0, 2], matrix[1, 2]]
     lens = _lens(intrinsics, model, _numbers(_first(data, _DISTORTION)), where)
     camera = CalibratedCamera(_size(_first(data, _WIDTH), _first(data, _HEIGHT)), lens)
     return [_with_projection(camera, data)]
@@ -265,7 +285,7 @@ def _with_projection(camera: CalibratedCamera, data: Mapping[str, Any]) -> Calib
 
 
 def _orbslam(data: dict[str, Any], where: str) -> list[CalibratedCamera]:
-    old = "Camera.fx" in data
+    old = not any(str(key).startswith("Camera1.") for key in data)
     first = _orbslam_camera(data, "Camera" if old else "Camera1", where)
     fx = float(first.lens.matrix[0, 0])
     bf = data.get("Camera.bf")
@@ -312,8 +332,9 @@ def _orbslam_camera(data: dict[str, Any], head: str, where: str) -> CalibratedCa
         if name not in names and float(data.get(f"{head}.{name}") or 0) != 0
     ]
     if unused:
+        likely = "PinHole" if kind == "Rectified" else "KannalaBrandt8"
         raise ValueError(
-            f"{head}.{unused[0]} is not one of a {kind} camera; is Camera.type KannalaBrandt8?"
+            f"{head}.{unused[0]} is not one of a {kind} camera; is Camera.type {likely}?"
         )
     distortion = [data.get(f"{head}.{name}", 0.0) for name in names]
     lens = _lens(intrinsics, model, distortion, where)

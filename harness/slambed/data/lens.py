@@ -38,6 +38,8 @@ _ORDERS: dict[Model, str] = {
     "radial-tangential": "k1 k2 p1 p2 [k3 [k4 k5 k6 [s1 s2 s3 s4 [tx ty]]]]",
     "equidistant": "k1 k2 k3 k4",
 }
+#: Skew of a camera matrix that is none; the cameras here have no skew.
+LARGEST_SKEW_PX = 0.01
 #: Coefficients that a node undistorts itself: k1 k2 p1 p2 k3.
 PLAIN_COUNT = 5
 

@@ -13,7 +13,7 @@ import numpy as np
 from slambed.data.kitti_poses import KITTI_COLUMNS, matrices_of, pose_lines
 from slambed.data.pose_columns import named_columns
 from slambed.data.ros_poses import POSE_TYPES, POSES_KNOWN, poses_of, truth_of
-from slambed.data.text_file import fields, pose_rows, read_lines, table_lines
+from slambed.data.text_file import fields, must_be_regular, pose_rows, read_lines, table_lines
 from slambed.data.trajectory import Trajectory, read_tum, repeated_times
 from slambed.data.truth_times import in_seconds
 from slambed.errors import SlambedError
@@ -81,8 +81,7 @@ def _kind_of(path: Path) -> Literal["tum", "kitti", "bag"]:
             if not (path / "metadata.yaml").is_file():
                 raise SlambedError(f"{path}: a folder, and no ROS 2 bag: it has no metadata.yaml")
             return "bag"
-        if path.exists() and not path.is_file():
-            raise SlambedError(f"{path}: a pipe or device, which can be read once; give a file")
+        must_be_regular(path)
         with path.open("rb") as file:
             start = file.read(max(map(len, _BAGS)))
     except OSError as refused:

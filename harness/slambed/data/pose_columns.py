@@ -77,10 +77,13 @@ def named_columns(lines: Sequence[str], where: str) -> PoseColumns | None:
 
 def _words(line: str) -> list[str]:
     """Returns the names in a header, which may stand in brackets or quotes, behind a title."""
+    names = _UNIT.sub("", _untitled(line))
+    return [word.strip("\"'") for word in re.split(r"[\s,;|]+", names) if word]
+
+
+def _untitled(line: str) -> str:
     text = _TITLE.sub("", line.strip(" \t#\r\n"), count=1)
-    if text[:1] in ("[", "("):
-        text = text[1:].rstrip("])")
-    return [word.strip("\"'") for word in re.split(r"[\s,;|]+", _UNIT.sub("", text)) if word]
+    return text[1:].rstrip("])") if text[:1] in ("[", "(") else text
 
 
 def _must_be_meters(line: str, where: str) -> None:
@@ -92,8 +95,10 @@ def _must_be_meters(line: str, where: str) -> None:
 
 
 def _unit_of(line: str, first: str) -> str | None:
-    """Returns the unit of time that a header names, in brackets or as a part of its name."""
-    found = _UNIT.search(line) or _TIME.fullmatch(first.lower())
+    """Returns the unit of time that a header names, in brackets behind the name of its first
+    column, `first`, or as a part of that name."""
+    behind = _untitled(line).partition(first)[2].lstrip("\"'")
+    found = _UNIT.match(behind) or _TIME.fullmatch(first.lower())
     word = (found.group(1) or "").lower() if found is not None else ""
     return _UNITS.get(word, word) or None
 

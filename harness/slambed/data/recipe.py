@@ -7,7 +7,7 @@ import hashlib
 import json
 import os
 from pathlib import Path, PurePosixPath
-from typing import Any, Literal, Self
+from typing import Any, Literal, Self, get_args
 
 import numpy as np
 from pydantic import (
@@ -34,12 +34,21 @@ class _Strict(BaseModel):
     @classmethod
     def _no_word_for_a_number(cls, value: Any, field: ValidationInfo) -> Any:
         """YAML reads `yes`, `on` and `no` as true and false, which pydantic takes for 1 and 0."""
-        kind = str(cls.model_fields[str(field.field_name)].annotation)
-        of_numbers = ("float" in kind or "int" in kind) and "bool" not in kind
+        kinds = _kinds_in(cls.model_fields[str(field.field_name)].annotation)
         given = value if isinstance(value, list | tuple) else [value]
-        if of_numbers and any(isinstance(item, bool) for item in given):
+        if (
+            kinds & {int, float}
+            and bool not in kinds
+            and any(isinstance(item, bool) for item in given)
+        ):
             raise ValueError("expected a number, not true or false (yes, no, on, off)")
         return value
+
+
+def _kinds_in(annotation: Any) -> set[Any]:
+    """Returns the plain types that an annotation is made of."""
+    parts = get_args(annotation)
+    return set().union(*map(_kinds_in, parts)) if parts else {annotation}
 
 
 class CameraRecipe(_Strict):
@@ -270,6 +279,8 @@ class Dataset(_Strict):
     def _are_patterns(cls, value: tuple[str, ...]) -> tuple[str, ...]:
         for pattern in value:
             below = split_pattern(pattern)[1]
+            if Path(below) == Path():
+                raise ValueError(f"'{pattern}' names no file or folder below the data folders")
             # From Python 3.13 on glob() takes this for `*`.
             if any("**" in part and part != "**" for part in Path(below).parts):
                 raise ValueError(f"'{pattern}' is no pattern of a path (** stands alone)")

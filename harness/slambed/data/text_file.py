@@ -16,11 +16,16 @@ _DIGITS_OF_A_NAME = 2
 _BETWEEN = re.compile(r"[\s,;]+")
 
 
+def must_be_regular(path: Path) -> None:
+    """Raises SlambedError for what is no file, but there: a pipe can be read once, if it ends."""
+    if path.exists() and not path.is_file():
+        raise SlambedError(f"{path}: a folder, pipe or device, expected a file")
+
+
 def read_lines(path: Path) -> list[str]:
     """Returns the lines of a text file, without line endings."""
     try:
-        if path.exists() and not path.is_file():
-            raise SlambedError(f"{path}: a folder, pipe or device, expected a file")
+        must_be_regular(path)
         return decode_text(path.read_bytes(), str(path)).split("\n")
     except OSError as refused:
         raise SlambedError(f"{path}: cannot be read: {refused.strerror}") from refused

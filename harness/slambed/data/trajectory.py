@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from slambed.data.pose_columns import PoseColumns, named_columns
 from slambed.data.stamps import NS_PER
-from slambed.data.text_file import pose_rows, read_lines
+from slambed.data.text_file import pose_rows, read_lines, table_lines
 from slambed.errors import SlambedError
 
 if TYPE_CHECKING:
@@ -24,8 +24,10 @@ COLUMNS = 8
 EXPECTED = "expected 'time tx ty tz qx qy qz qw'"
 USUAL = PoseColumns(tuple(range(COLUMNS)), None)
 _POSITIONS_ALONE = "# positions alone, orientations are unknown"
-FARTHEST_M = 1e9
+FARTHEST_TRUTH_M = 1e9
 """Of a ground truth; it is further than any place on Earth from any origin in use."""
+_DATES_NS = 1e17
+"""Later times are nanoseconds since 1970."""
 LATEST = float(2**63)
 """Largest time, whose unit may be the nanosecond."""
 
@@ -111,13 +113,19 @@ def read_tum(path: Path) -> Trajectory:
 
 
 def read_groundtruth(path: Path) -> Trajectory:
-    """Like read_tum, but for ground truth: times strictly increase (of lines with the same time,
-    which occur in TUM's files, the first is kept), quaternions are normalized, and the file must
-    not be empty."""
-    found = read_tum(path)
+    """Reads a file like read_tum, as ground truth."""
+    return as_groundtruth(read_tum(path), path)
+
+
+def as_groundtruth(found: Trajectory, path: Path) -> Trajectory:
+    """Returns what was read from `path` with times that strictly increase (of poses with the same
+    time, which occur in TUM's files, the first is kept) and quaternions of length 1.
+
+    Raises SlambedError without a pose, or with one that is too far away.
+    """
     if not len(found):
         raise SlambedError(f"{path}: no pose in it; {EXPECTED}")
-    if (farthest := float(np.abs(found.positions_m).max())) > FARTHEST_M:
+    if (farthest := float(np.abs(found.positions_m).max())) > FARTHEST_TRUTH_M:
         raise SlambedError(f"{path}: a pose is {farthest:g} m away, expected meters; correct it")
     once = found.take(np.flatnonzero(np.diff(found.stamps_s, prepend=-np.inf) > 0))
     lengths = np.linalg.norm(once.quaternions_xyzw, axis=1, keepdims=True)
@@ -150,9 +158,18 @@ def _rows_of(path: Path, lines: list[str]) -> Floats:
     rows = _plain_rows(lines) if named.order == USUAL.order else None
     if rows is None:
         rows = _ordered_rows(path, named)
+        if named is USUAL and len(rows) and rows[0, 0] > _DATES_NS and _has_commas(path):
+            raise SlambedError(
+                f"{path}: nanoseconds and commas without a header: is qw first, as EuRoC has it, "
+                "or last? Add a first line, as '#timestamp [ns], x, y, z, qw, qx, qy, qz'"
+            )
     if (ns := NS_PER.get(named.unit or "s", NS_PER["s"])) != NS_PER["s"]:
         rows[:, 0] *= ns / NS_PER["s"]
     return rows
+
+
+def _has_commas(path: Path) -> bool:
+    return any("," in line for _, line in table_lines(path))
 
 
 def _ordered_rows(path: Path, named: PoseColumns) -> Floats:

@@ -13,7 +13,7 @@ from pydantic import BaseModel, ValidationError
 
 from slambed.errors import SlambedError
 from slambed.files.encodings import decode_text
-from slambed.files.yaml_text import with_parser
+from slambed.files.yaml_text import problem_of, with_parser
 from slambed.suggestion import suggestion
 
 Location = tuple[str | int | float, ...]
@@ -21,17 +21,29 @@ KINDS = {
     "bool_type": "true or false",
     "int_type": "an integer",
     "float_type": "a number",
+    "int_parsing": "an integer",
+    "float_parsing": "a number",
     "string_type": "text",
     "list_type": "a list",
+    "tuple_type": "a list",
     "dict_type": "a mapping",
     "model_type": "a mapping",
 }
 """Error type of pydantic -> what was expected, in terms of YAML."""
 _POWER_OF_TEN = re.compile(r"([+-]?\d+)(?:\.(\d*))?[eE]([+-]?)(\d+)")
 """Numbers such as 1e9, which YAML 1.1 reads as text: it wants a point and a sign."""
+_DECIMAL_COMMA = re.compile(r"[+-]?\d+,\d+")
 _OTHER_BASE = re.compile(r"[+-]?(?:0_*[0-7][0-7_]*$|[\d_.]*:)")
 """Numbers that YAML 1.1 reads in another base, which nobody means."""
 Model = TypeVar("Model", bound=BaseModel)
+
+
+class MisplacedError(ValueError):
+    """What a validator of a whole model raises for a mistake further inside, at `location`."""
+
+    def __init__(self, message: str, location: Location) -> None:
+        super().__init__(message)
+        self.location = location
 
 
 @dataclass(frozen=True)
@@ -73,9 +85,7 @@ def _parsed(text: str, path: Path) -> YamlSource:
     try:
         return with_parser(lambda parser: _read(parser(text), path))
     except yaml.YAMLError as error:
-        mark = getattr(error, "problem_mark", None)
-        line = mark.line + 1 if mark is not None else 1
-        problem = getattr(error, "problem", None) or str(error).splitlines()[0]
+        problem, line = problem_of(error, text)
         raise SlambedError(f"not YAML: {problem}, {path} line {line}") from None
 
 
@@ -98,20 +108,14 @@ def _construct(
 ) -> Any:
     lines.setdefault(location, node.start_mark.line + 1)
     if isinstance(node, yaml.MappingNode):
-        own = {id(key_node) for key_node, _ in node.value}
         loader.flatten_mapping(node)  # puts what `<<` merges before the mapping's own keys
         mapping: dict[str | int | float, Any] = {}
-        written: set[str | int | float] = set()
         for key_node, value_node in node.value:
             key = loader.construct_object(key_node)
             line = key_node.start_mark.line + 1
             if not isinstance(key, str | int | float) or isinstance(key, bool):
                 # YAML 1.1 reads an unquoted `on` or `no` as true/false.
                 raise SlambedError(f"key {key!r} is not text (quote it), {path} line {line}")
-            if key in written:
-                raise SlambedError(f"key '{key}' is given twice, {path} line {line}")
-            if id(key_node) in own:
-                written.add(key)
             lines[(*location, key)] = line
             mapping[key] = _construct(loader, value_node, (*location, key), lines, path)
         return mapping
@@ -157,7 +161,7 @@ def _explain(model: type[BaseModel], source: YamlSource, items: list[Any]) -> Sl
     # Union branches add their own names to the location, which are not in the file. Missing keys
     # and keys set by the command line (--set) are not in the file either.
     open_ends = ("missing", "extra_forbidden")
-    found = [(_written(source, tuple(i["loc"]), i["type"] in open_ends), i) for i in items]
+    found = [(_written(source, _place(i), i["type"] in open_ends), i) for i in items]
     found = [(place, item) for place, item in found if not _is_inside(place, item, found)]
     location, first = min(found, key=lambda pair: pair[1]["type"] != "extra_forbidden")
     name = ".".join(str(part) for part in location)
@@ -169,6 +173,11 @@ def _explain(model: type[BaseModel], source: YamlSource, items: list[Any]) -> Sl
         return source.complaint(f"key '{name}' is missing", location)
     message = mistake([item for place, item in found if place == location])
     return source.complaint(f"'{name}': {message}" if name else message, location)
+
+
+def _place(item: Any) -> Location:
+    inside = getattr(item.get("ctx", {}).get("error"), "location", ())
+    return (*item["loc"], *inside)
 
 
 def _is_inside(location: Location, item: Any, found: list[tuple[Location, Any]]) -> bool:
@@ -199,6 +208,8 @@ def mistake(items: list[Any]) -> str:
         *others, last = kinds
         expected = f"{', '.join(others)} or {last}" if others else last
         return f"expected {expected}, not {in_words(first['input'])}"
+    if first["type"] == "invalid_key":
+        return f"expected a name, not {in_words(first['input'])} (a decimal comma? write a point)"
     message = str(first["msg"]).removeprefix("Value error, ").removeprefix("Assertion failed, ")
     shown = first["input"]
     scalar = isinstance(shown, str | int | float) and not isinstance(shown, bool)
@@ -217,6 +228,8 @@ def in_words(value: object) -> str:
         whole, fraction, sign, exponent = power.groups()
         number = f"{whole}.{fraction or 0}e{sign or '+'}{exponent}"
         return f"the text {value!r} (YAML's form of this number is {number})"
+    if isinstance(value, str) and _DECIMAL_COMMA.fullmatch(value):
+        return f"the text {value!r} (write a decimal point)"
     return "a list" if isinstance(value, list) else repr(value)
 
 

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 import yaml
 from yaml.constructor import ConstructorError
+from yaml.reader import ReaderError
 
 DEEPEST = 100
 """Levels of a document. The parser in C crashes on some ten thousands of them."""
@@ -30,7 +31,7 @@ class _Checked(_Base):
         super().__init__(text)
 
     def get_single_node(self) -> yaml.Node | None:
-        """The document, which is finite."""
+        """The document, which is finite and has each key once."""
         root: yaml.Node | None = super().get_single_node()
         if root is not None:
             _count(root, {}, 1)
@@ -50,17 +51,6 @@ class _Checked(_Base):
             problem = f"'{node.value[:40]}' is larger than {LARGEST}"
             raise ConstructorError(None, None, problem, node.start_mark)
         return value
-
-    def construct_mapping(self, node: yaml.MappingNode, deep: bool = False) -> dict[Any, Any]:
-        """A mapping, where PyYAML would take the last of two values of a key."""
-        written: dict[str, yaml.Node] = {}
-        for key, value in node.value:
-            if isinstance(key, yaml.ScalarNode) and key.value != "<<":
-                first = written.setdefault(key.value, value)
-                if first is not value and yaml.serialize(first) != yaml.serialize(value):
-                    problem = f"key '{key.value}' is given twice, with different values"
-                    raise ConstructorError(None, None, problem, key.start_mark)
-        return super().construct_mapping(node, deep)
 
 
 class _Plain(_Checked, yaml.SafeLoader):
@@ -83,8 +73,21 @@ def with_parser(read: Callable[[type[yaml.SafeLoader]], Read]) -> Read:
         return read(_Plain)
 
 
+def problem_of(error: yaml.YAMLError, text: str) -> tuple[str, int]:
+    """Returns what is wrong with `text`, and in which line (from 1)."""
+    if isinstance(error, ReaderError):
+        # The parser says so before it counts lines.
+        code = error.character if isinstance(error.character, int) else ord(error.character)
+        return f"{error.reason}: {code:#x}", text.count("\n", 0, error.position) + 1
+    mark = getattr(error, "problem_mark", None)
+    problem = getattr(error, "problem", None) or str(error).splitlines()[0]
+    if problem == "but found another document":
+        problem = "a second document begins with '---', expected one"
+    return problem, 1 if mark is None else mark.line + 1
+
+
 def read_yaml(text: str) -> Any:
-    """Parses the single document in `text`. Raises yaml.YAMLError, for a key with two values,
+    """Parses the single document in `text`. Raises yaml.YAMLError, for a key that is given twice,
     too."""
     return with_parser(lambda parser: yaml.load(text, Loader=parser))
 
@@ -118,6 +121,7 @@ def _count(node: yaml.Node, counts: dict[int, int], level: int) -> int:
     if isinstance(node, yaml.SequenceNode):
         inside = node.value
     elif isinstance(node, yaml.MappingNode):
+        _must_be_once(node)
         inside = [part for pair in node.value for part in pair]
     total = 1 + sum(_count(part, counts, level + 1) for part in inside)
     if total > MOST_VALUES:
@@ -125,6 +129,17 @@ def _count(node: yaml.Node, counts: dict[int, int], level: int) -> int:
         raise ConstructorError(None, None, problem, node.start_mark)
     counts[id(node)] = total
     return total
+
+
+def _must_be_once(mapping: yaml.MappingNode) -> None:
+    """PyYAML would take the last of two values of a key."""
+    written: set[tuple[str, str]] = set()
+    for key, _ in mapping.value:
+        if isinstance(key, yaml.ScalarNode) and key.value != "<<":
+            if (name := (key.tag, key.value)) in written:
+                problem = f"key '{key.value}' is given twice"
+                raise ConstructorError(None, None, problem, key.start_mark)
+            written.add(name)
 
 
 def _too_deep(mark: Any) -> ConstructorError:

@@ -312,5 +312,5 @@ def _check_values(profile: Profile, reader: ProfileReader) -> None:
             )
         if values.max() > LONGEST_MS:
             raise reader.complaint(
-                f"latency of {values.max() / 1e3:.0f} s ({side})", advice="values are milliseconds"
+                f"latency of {values.max() / 1e3:g} s ({side})", advice="values are milliseconds"
             )

@@ -4,6 +4,7 @@
 import csv
 import hashlib
 import math
+import re
 from collections.abc import Mapping
 from datetime import UTC, datetime
 from pathlib import Path
@@ -158,10 +159,12 @@ def _check(path: Path, times: np.ndarray, values: np.ndarray, description: Trace
     longest_s = _longest_gap_s(steps, description)
     if (bad := np.flatnonzero(steps > longest_s)).size:
         start = times[bad[0]] + description.start_s
+        is_ping = description.format == "ping"
+        unit = "ping_interval_s" if is_ping else f"time_unit ({description.time_unit})"
         raise SlambedError(
             f"gap of {steps[bad[0]]:.1f} s in the trace at {start:.1f} s, longer than "
             f"{longest_s:g} s, {path}; choose another window (start_s, length_s), raise max_gap_s "
-            f"and add a true outage under gaps, or correct time_unit ({description.time_unit})"
+            f"and add a true outage under gaps, or correct {unit}"
         )
 
 
@@ -175,7 +178,7 @@ def _longest_gap_s(steps: np.ndarray, description: TraceFile) -> float:
 
 
 def _read_columns(path: Path, description: TraceFile) -> tuple[np.ndarray, np.ndarray]:
-    rows = _split(read_lines(path))
+    rows = _split(_with_header(read_lines(path), {description.time, description.rtt}))
     if len(rows) < 2:
         raise SlambedError(f"no samples, {path}; expected a header line and numbers")
     header = [name.strip() for name in rows[0][1]]
@@ -218,6 +221,17 @@ def _time_of(text: str, unit: str) -> float:
     except ValueError:
         moment = datetime.fromisoformat(text.strip())
         return moment.replace(tzinfo=moment.tzinfo or UTC).timestamp() / _UNITS_S[unit]
+
+
+def _with_header(lines: list[str], names: set[str]) -> list[str]:
+    """Returns the lines with a header that was written as a comment, `# time_s,rtt_ms`, as a line
+    of its own: the last one before the first row, if the first row is not the header."""
+    first = next((n for n, line in enumerate(lines) if line.strip() and line[0] != "#"), len(lines))
+    for n in range(first, -1, -1):
+        text = lines[n].lstrip("# \t") if n < len(lines) else ""
+        if names <= {word.strip() for word in re.split(r"[,;\s]+", text)}:
+            return [*lines[:n], text, *lines[n + 1 :]]
+    return lines
 
 
 def _split(lines: list[str]) -> list[tuple[int, list[str]]]:

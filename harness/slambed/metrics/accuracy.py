@@ -20,8 +20,8 @@ if TYPE_CHECKING:
 Floats = NDArray[np.float64]
 
 MINIMUM_PAIRS = 3  # a rigid alignment in space needs three points
-FARTHEST_M = 1e100
-"""What is farther has a square that may be no number."""
+FARTHEST_ESTIMATE_M = 1e100
+"""Of a pose of an estimate; what is farther has a square that may be no number."""
 RANDOM_PAIRS = 10_000
 """Number of random pairs for a long path in TUM's evaluate_rpe.py (its `max_pairs`)."""
 
@@ -100,7 +100,7 @@ def _must_be_near(*positions_m: Floats) -> None:
     """LAPACK never ends on what overflows, and no error of it is a number."""
     for positions in positions_m:
         farthest_m = float(np.abs(positions).max(initial=0.0))
-        if not farthest_m < FARTHEST_M:
+        if not farthest_m < FARTHEST_ESTIMATE_M:
             raise SlambedError(f"a pose is {farthest_m:g} m away, so no error is a number")
 
 

@@ -8,6 +8,7 @@ from pydantic import BaseModel, ConfigDict, Field, model_validator
 
 from slambed.data.layouts import SENSORS
 from slambed.errors import SlambedError
+from slambed.files.yaml_source import MisplacedError
 from slambed.spec.runtime import Runtime
 from slambed.spec.stages import OwnStage, check_stages
 from slambed.suggestion import suggestion
@@ -178,10 +179,12 @@ class System(BaseModel):
         if len(networks) > 1 or (networks and not {"jpeg_quality", "n_m"} <= self.params.keys()):
             raise ValueError("a network is one parameter, beside jpeg_quality and n_m")
         for name, variant in self.variants.items():
-            try:
-                self.resolve(name, {})
-            except SlambedError as error:
-                raise ValueError(f"variant {name} of {list(variant.params)}: {error}") from None
+            for key, value in variant.params.items():
+                try:
+                    self._checked(key, value)
+                except SlambedError as error:
+                    place = ("variants", name, "params", key)
+                    raise MisplacedError(f"variant {name}: {error}", place) from None
         return self
 
     def _can_be_read(self) -> None:
@@ -235,15 +238,14 @@ class System(BaseModel):
         chosen = self.variants[variant].params if variant in self.variants else {}
         for layer in (chosen, overrides):
             for name, value in layer.items():
-                if name not in self.params:
-                    raise SlambedError(
-                        f"unknown parameter '{name}' of system {self.name}; "
-                        + suggestion(name, self.params)
-                    )
-                try:
-                    values[name] = self.params[name].check(value)
-                except ValueError as error:
-                    raise SlambedError(
-                        f"parameter '{name}' of system {self.name}: {error}"
-                    ) from None
+                values[name] = self._checked(name, value)
         return {name: self.params[name].check(value) for name, value in sorted(values.items())}
+
+    def _checked(self, name: str, value: object) -> Scalar:
+        if name not in self.params:
+            known = suggestion(name, self.params) or "it has none"
+            raise SlambedError(f"unknown parameter '{name}' of system {self.name}; {known}")
+        try:
+            return self.params[name].check(value)
+        except ValueError as error:
+            raise SlambedError(f"parameter '{name}' of system {self.name}: {error}") from None

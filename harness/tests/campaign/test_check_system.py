@@ -155,6 +155,8 @@ READERS_DEFECTS = {
     "nanoseconds": ("join([stamp,", "join([str(1e9 * float(stamp)),", "in seconds"),
     "no rotations": ("*quaternion(T_wc[:3, :3])]", "*(2 * quaternion(T_wc[:3, :3]))]",
                      "is no rotation"),
+    "diverged": ("[*T_wc[:3, 3], ", "[1e300, 0, len(lines) ** 2, ",
+                 "compared with the true one: a pose is 1e+300 m away"),
     "fails": ("    lines = []\n", "    lines = [1 / 0]\n", "ZeroDivisionError"),
     "never ends": (WRITES, "import time; time.sleep(600)\n    " + WRITES, "had to be killed"),
     "is deaf": ("    lines = []\n", "    lines = []\n    import signal, time\n"

@@ -309,6 +309,12 @@ def test_the_baseline_and_the_depth_of_orbslam3(tmp_path: Path) -> None:
     file.write_text(f"{text}Camera.type: Omni\n")
     with pytest.raises(SlambedError, match=r"Camera\.type 'Omni' is not supported; known: PinHole"):
         camera_yaml(file, 0, None)
+    file.write_text(f"{text}Camera.type: Rectified\n")
+    with pytest.raises(SlambedError, match=r"not one of a Rectified camera; is .* PinHole\?"):
+        camera_yaml(file, 0, None)
+    file.write_text(text.replace("Camera1.fx", "Camera1.f"))
+    with pytest.raises(SlambedError, match=r"key 'Camera1\.fx' is missing, which a settings file"):
+        camera_yaml(file, 0, None)
     file.write_text(text.replace("5000.0", "0"))
     with pytest.raises(
         SlambedError, match=r"not a settings file of ORB-SLAM: RGBD\.DepthMapFactor is 0"
@@ -326,6 +332,14 @@ def test_the_baseline_and_the_depth_of_orbslam3(tmp_path: Path) -> None:
         ("cam0", "camera0", "this is no calibration"),
         ("cam0:", "cam0: [", "other.yaml:.*: not YAML"),
         ("cam1:", "  resolution: [1, 1]\ncam1:", "other.yaml:7: .* 'resolution' is given twice"),
+        ("intrinsics: [190.5,", "intrinsics: [", "its intrinsics are 3 values, expected 4 numbers"),
+        (
+            "distortion_coeffs: [",
+            "distortion_coeffs: 1 #",
+            "its coefficients are 1, expected a list",
+        ),
+        ("cam1:", "cam1: 3\nother:", "its cam1 is 3, expected a mapping of keys"),
+        ("cam1:", "---\ncam1:", "a second document begins with '---', expected one"),
     ],
 )
 def test_what_is_wrong_is_named(tmp_path: Path, old: str, new: str, complaint: str) -> None:

@@ -3,21 +3,26 @@
 
 from __future__ import annotations
 
+import gzip
 import os
 from pathlib import Path
 from typing import Any
 
+import cv2
 import numpy as np
 import pytest
 from command_line import refused, slambed
+from data_samples import gray, write_tum
 from test_data_bags import START_NS, image, message, reader, stamped, truth_of, write
-from test_data_readers import options, write_euroc, write_seven_scenes
+from test_data_readers import options, write_euroc, write_kitti, write_seven_scenes
 
 from slambed.data.camera_files import read_cameras
 from slambed.data.catalog import Catalog
+from slambed.data.images import read_gray
 from slambed.data.import_camera import camera_yaml
 from slambed.data.model import implausible
 from slambed.data.path_file import read_path
+from slambed.data.pose_columns import named_columns
 from slambed.data.readers import load_reader
 from slambed.data.readers.base import numbered
 from slambed.data.recipe_file import load_recipe
@@ -27,7 +32,7 @@ from slambed.data.truth_times import fitting_truth
 from slambed.errors import SlambedError
 from slambed.files.yaml_source import load_yaml
 from slambed.link.ping import read_ping
-from slambed.link.traces import read_rate_trace
+from slambed.link.traces import TraceFile, read_rate_trace, read_rtt_trace
 
 ROW = "0.5 1 2 3 0.6 0 0 0.8\n"
 
@@ -184,11 +189,11 @@ def test_poses_that_were_never_known_and_written_by_columns(tmp_path: Path) -> N
 def test_images_go_by_the_number_behind_any_name(tmp_path: Path) -> None:
     for number in (0, 1, 10, 2):
         (tmp_path / f"img_{number}.png").touch()
-    names = [file.stem for file in numbered(tmp_path, "*.png")]
+    names = [file.stem for file in numbered(tmp_path, "", [".png"])]
     assert names == ["img_0", "img_1", "img_2", "img_10"]
     (tmp_path / "right_3.png").touch()
     with pytest.raises(SlambedError, match=r"images of several names, as img_.* and right_3"):
-        numbered(tmp_path, "*.png")
+        numbered(tmp_path, "", [".png"])
 
 
 def test_seconds_are_not_taken_for_milliseconds(tmp_path: Path) -> None:
@@ -331,7 +336,7 @@ def test_a_merged_mapping_may_be_overridden(tmp_path: Path) -> None:
 
 def test_a_pipe_is_named(tmp_path: Path) -> None:
     os.mkfifo(tmp_path / "p")
-    assert "a pipe or device" in refused(2, "evaluate", str(tmp_path / "p"), str(tmp_path / "p"))
+    assert "pipe or device" in refused(2, "evaluate", str(tmp_path / "p"), str(tmp_path / "p"))
     with pytest.raises(SlambedError, match="a folder, pipe or device, expected a file"):
         read_tum(tmp_path / "p")
 
@@ -350,3 +355,149 @@ def test_poses_of_one_time_are_no_path(tmp_path: Path) -> None:
     path = tmp_path / "a.txt"
     path.write_text(5 * ROW)
     assert "all 5 poses have the time 0.500000 s" in refused(2, "evaluate", str(path), str(path))
+
+
+def test_nanoseconds_and_commas_without_a_header_are_asked_about(tmp_path: Path) -> None:
+    path = tmp_path / "a.csv"
+    path.write_text("1400000000000000000,1,2,3,1,0,0,0\n")
+    with pytest.raises(SlambedError, match="is qw first, as EuRoC has it, or last"):
+        read_tum(path)
+    path.write_text("1400000000000000000 1 2 3 0 0 0 1\n")
+    assert read_tum(path).quaternions_xyzw[0, 3] == 1
+    path.write_text("#timestamp [ns], x, y, z, qw, qx, qy, qz\n14e17,1,2,3,1,0,0,0\n")
+    assert read_tum(path).rows()[0].tolist() == [14e8, 1, 2, 3, 0, 0, 0, 1]
+
+
+@pytest.mark.parametrize(
+    ("header", "unit"),
+    [
+        ("t, x [m], y [m], z [m], qw, qx, qy, qz", None),
+        ("# format: t [ms] x y z qx qy qz qw", "ms"),
+        ('"timestamp" [us],x [m],y,z,qx,qy,qz,qw', "us"),
+        ("[timestamp_ns, tx, ty, tz, qx, qy, qz, qw]", "ns"),
+    ],
+)
+def test_the_unit_of_time_is_that_of_its_own_column(header: str, unit: str | None) -> None:
+    found = named_columns([header], "a.txt")
+    assert found is not None and found.unit == unit
+
+
+def test_names_of_images_may_have_a_hash(tmp_path: Path) -> None:
+    write_tum(tmp_path)
+    listing = tmp_path / "rgb.txt"
+    first = listing.read_text().splitlines()[1].split()[1]
+    (tmp_path / "a #1.png").write_bytes((tmp_path / first).read_bytes())
+    listing.write_text(f"0.0 a #1.png\n0.1 {first} # the second\n")
+    opened = load_reader("tum")(tmp_path, options(sensor="mono"))
+    assert [file.name for file in opened.files()][1:] == ["a #1.png", Path(first).name]
+    listing.write_text("# nothing below\n")
+    with pytest.raises(SlambedError, match=r"rgb\.txt: no image in it; expected lines 'time file'"):
+        load_reader("tum")(tmp_path, options(sensor="mono"))
+
+
+def test_pictures_may_be_jpegs_and_hidden_files_are_none(tmp_path: Path) -> None:
+    folder = write_kitti(tmp_path)
+    for side in ("image_0", "image_1"):
+        for file in sorted((folder / side).glob("*.png")):
+            cv2.imwrite(str(file.with_suffix(".JPG")), read_gray(file))
+            file.unlink()
+    (folder / "image_0" / "._000000.png").write_bytes(b"\0")
+    opened = load_reader("kitti")(folder, options(sensor="stereo"))
+    assert [image.suffix for image in opened.files() if image.parent.name == "image_0"] == [
+        ".JPG"
+    ] * len(opened)
+    (folder / "image_0" / "000000.png").write_bytes(b"\0")
+    with pytest.raises(SlambedError, match=r"several formats \(\.jpg, \.png\)"):
+        load_reader("kitti")(folder, options(sensor="stereo"))
+
+
+def test_color_of_scannet_may_be_jpeg(tmp_path: Path) -> None:
+    folder = tmp_path / "s"
+    write_seven_scenes(folder)
+    for file in sorted(folder.glob("*.color.png")):
+        file.rename(file.with_suffix(".jpg"))
+    opened = load_reader("seven_scenes")(folder, options(sensor="rgbd"))
+    assert opened[0].second is not None and opened.trajectory() is not None
+
+
+def test_what_is_wrong_with_a_calibration_of_kitti_is_named(tmp_path: Path) -> None:
+    folder = write_kitti(tmp_path)
+    calibration = folder / "calib.txt"
+    p0, p1 = calibration.read_text().splitlines()[:2]
+
+    def complaint(*lines: str) -> str:
+        calibration.write_text("\n".join(lines))
+        with pytest.raises(SlambedError) as error:
+            load_reader("kitti")(folder, options(sensor="stereo")).camera()
+        return str(error.value)
+
+    assert ":3: P0 is given twice" in complaint(p0, p1, p0)
+    skewed = p0.split()
+    skewed[2] = "0.5"
+    found = complaint(" ".join(skewed), p1)
+    assert "P0 has the skew 0.5, expected 0" in found and "last row" not in found
+    scaled = p0.split()
+    scaled[-2] = "2"
+    found = complaint(" ".join(scaled), p1)
+    assert "the last row of P0 is 0 0 2 0, expected 0 0 1 0" in found and "skew" not in found
+
+
+def test_a_folder_in_place_of_the_ground_truth_is_named(tmp_path: Path) -> None:
+    write_tum(tmp_path)
+    (tmp_path / "groundtruth.txt").unlink()
+    (tmp_path / "groundtruth.txt").mkdir()
+    opened = load_reader("tum")(tmp_path, options(sensor="mono", groundtruth="groundtruth.txt"))
+    with pytest.raises(SlambedError, match=r"groundtruth\.txt is a folder \(ground truth\)"):
+        list(opened.files())
+
+
+@pytest.mark.parametrize(
+    ("text", "complaint"),
+    [
+        ("paths: r", "'paths': expected a list, not 'r'"),
+        ("paths: ['/']", "'paths': '/' names no file or folder below the data folders"),
+        (
+            "paths: [a]\nfps: 29,97",
+            "expected a number, not the text '29,97' .write a decimal point",
+        ),
+        ("paths: [a]\nreader_options: {x: 1}\nreader_options: {x: 1}", "is given twice"),
+        ("paths: [a]\nnote: 'a\x07'", "special characters are not allowed: 0x7, .* line 5"),
+        ("paths: [a]\n---\nid: b", "a second document begins with '---', expected one"),
+    ],
+)
+def test_mistakes_of_a_dataset_file_are_named(tmp_path: Path, text: str, complaint: str) -> None:
+    file = dataset_file(tmp_path, "own", f"reader: kitti\n{text}\n")
+    with pytest.raises(SlambedError, match=complaint):
+        load_recipe(file)
+
+
+def test_a_packed_bag_is_named(tmp_path: Path) -> None:
+    bag = tmp_path / "a.bag"
+    bag.write_bytes(gzip.compress(b"#ROSBAG V2.0"))
+    with pytest.raises(SlambedError, match=r"a\.bag: packed by gzip; unpack it"):
+        list(reader(bag))
+
+
+def test_a_smaller_picture_of_a_bag_is_named(tmp_path: Path) -> None:
+    small = np.zeros((8, 8), np.uint8)
+    images = [image(START_NS, gray(0), "mono8"), image(START_NS + 10**8, small, "mono8")]
+    opened = reader(write(tmp_path / "a.bag", {"/gray": images}))
+    with pytest.raises(SlambedError, match=r"50\.100000 s of .* /gray: a picture of 8x8 pixels"):
+        list(opened)
+
+
+def test_limits_of_evaluate_are_checked(tmp_path: Path) -> None:
+    path = tmp_path / "a.txt"
+    path.write_text("".join(f"{n} {n} 0 {n * n} 0 0 0 1\n" for n in range(5)))
+    both = ("evaluate", str(path), str(path))
+    assert "expected a time above 0 s" in refused(2, *both, "--delta-s", "0")
+    assert "greater than or equal to 0" in refused(2, *both, "--max-difference-s", "-1")
+
+
+def test_a_commented_header_of_a_trace_counts(tmp_path: Path) -> None:
+    trace = tmp_path / "a.csv"
+    trace.write_text("# from a phone\n# rtt_ms,time_s\n10,0\n20,0.5\n")
+    found = read_rtt_trace(TraceFile(file=str(trace)), None, [])
+    assert found.times_s.tolist() == [0, 0.5] and found.values_ms.tolist() == [10, 20]
+    trace.write_text("# time_s,rtt_ms\nrtt_ms,time_s\n10,0\n20,0.5\n")
+    assert read_rtt_trace(TraceFile(file=str(trace)), None, []).values_ms.tolist() == [10, 20]

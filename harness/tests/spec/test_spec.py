@@ -138,6 +138,35 @@ def test_the_wrong_kind_of_value_in_a_system_too(
 
 
 @pytest.mark.parametrize(
+    ("params", "expected"),
+    [
+        ("{n_orbs: 1}", "unknown parameter 'n_orbs' of system solo; did you mean 'n_orb'?"),
+        ("{n_orb: x}", "'x' is not an int"),
+    ],
+)
+def test_a_wrong_parameter_of_a_variant_has_its_line(
+    tmp_path: Path, params: str, expected: str
+) -> None:
+    write_library(tmp_path)
+    path = tmp_path / "systems" / "solo" / "system.yaml"
+    text = path.read_text().partition("variants:")[0].rstrip("\n")
+    path.write_text(f"{text}\nvariants:\n  odd:\n    params: {params}\n")
+    with pytest.raises(SlambedError) as caught:
+        Library(tmp_path).system("solo")
+    assert expected in str(caught.value)
+    assert f"system.yaml line {text.count(chr(10)) + 4}" in str(caught.value)
+
+
+def test_a_parameter_of_a_system_without_any_is_named(tmp_path: Path) -> None:
+    write_library(tmp_path)
+    path = tmp_path / "systems" / "solo" / "system.yaml"
+    text = "name: solo\ntitle: t\nroles: [mobile]\nvariants: {odd: {params: {x: 1}}}\n"
+    path.write_text(text)
+    with pytest.raises(SlambedError, match=r"unknown parameter 'x' of system solo; it has none, "):
+        Library(tmp_path).system("solo")
+
+
+@pytest.mark.parametrize(
     ("mobile", "parts"),
     [
         ("{device: small, name: x, speed: -2}", ["'devices.mobile.speed'", "greater than 0", "-2"]),

@@ -168,6 +168,12 @@ class Reader(SequenceReader):
     def _frame(self, stamp: int, messages: list[Any]) -> Frame:
         where = f"{stamp * 1e-9:.6f} s of {self.path}"
         gray = gray_of(messages[0], f"{where} {self._first}", self.gray_range)
+        size = self.options.size
+        if size is not None and gray.shape[::-1] != size:
+            raise SlambedError(
+                f"{where} {self._first}: a picture of {gray.shape[1]}x{gray.shape[0]} pixels, the "
+                f"dataset's camera has {size[0]}x{size[1]}; correct its width and height"
+            )
         if self.options.sensor == "mono":
             return Frame(stamp, gray, None)
         name = f"{where} {self._second}"

@@ -7,7 +7,7 @@ import math
 import re
 import sys
 from abc import ABC, abstractmethod
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
 from itertools import pairwise
 from pathlib import Path
@@ -28,6 +28,8 @@ from slambed.errors import SlambedError
 from slambed.files.outputs import is_file
 from slambed.suggestion import did_you_mean
 
+PICTURES = (".png", ".jpg", ".jpeg")
+"""Endings of gray and color pictures, in any case."""
 _NUMBER = re.compile(r"([^\W\d]*[-_ ]?)(\d{1,18})")
 
 
@@ -212,13 +214,24 @@ class FolderReader(SequenceReader):
         return (self[i] for i in range(len(self)))
 
 
-def numbered(folder: Path, pattern: str) -> list[Path]:
-    """Returns files sorted by number, `frame-9` before `frame-10`; by name if a file has none.
+def numbered(folder: Path, head: str, tails: Sequence[str]) -> list[Path]:
+    """Returns the files whose names begin with `head` and end with one of `tails`, in any case,
+    sorted by number, `frame-9` before `frame-10`; by name if a file has none. Hidden files, as the
+    `._000000.png` of macOS, are none of them.
 
-    Raises SlambedError for files with different names before their numbers.
+    Raises SlambedError for files with different names before their numbers, and for pictures that
+    are there in two formats.
     """
-    files = sorted(folder.glob(pattern))
-    named = {head[1]: file for file in files if (head := _numbered_name(file)) is not None}
+    files = [
+        file
+        for file in sorted(folder.glob(f"{head}*"))
+        if not file.name.startswith(".") and file.name.lower().endswith(tuple(tails))
+    ]
+    if len(suffixes := sorted({file.suffix.lower() for file in files})) > 1:
+        raise SlambedError(
+            f"{folder}: pictures in several formats ({', '.join(suffixes)}); leave those of one"
+        )
+    named = {name[1]: file for file in files if (name := _numbered_name(file)) is not None}
     if any(number_of(file) is None for file in files):
         return files
     if len(named) > 1:
@@ -259,9 +272,10 @@ def require(path: Path, what: str) -> Path:
 def require_poses(path: Path) -> Path:
     """Returns the file named by `groundtruth:`; raises SlambedError if it is missing."""
     if not is_file(path):
+        found = "a folder" if path.is_dir() else "missing"
         raise SlambedError(
-            f"{path} is missing (ground truth); complete the dataset, or remove 'groundtruth' "
-            "from its file to go without"
+            f"{path} is {found} (ground truth); complete the dataset, or remove 'groundtruth' from "
+            "its file to go without"
         )
     return path
 

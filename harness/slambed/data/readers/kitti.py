@@ -10,8 +10,10 @@ import numpy as np
 
 from slambed.data.images import read_gray
 from slambed.data.kitti_poses import matrices_of, pose_lines
+from slambed.data.lens import LARGEST_SKEW_PX
 from slambed.data.model import Camera, Frame
 from slambed.data.readers.base import (
+    PICTURES,
     FolderReader,
     ReaderOptions,
     first_missing,
@@ -25,7 +27,6 @@ from slambed.data.trajectory import Trajectory
 from slambed.errors import SlambedError
 from slambed.files.outputs import is_file
 
-_SKEW_PX = 0.01
 _PROJECTION = "12 numbers, a 3x4 projection"
 
 
@@ -48,9 +49,11 @@ class Reader(FolderReader):
             self.notes.append(f"{path}: 'camera' of the dataset file is not used, calib.txt has it")
         self._calibration = require(path / "calib.txt", "calibration")
         self._times_file = require(path / "times.txt", "times of the frames")
-        self._left = numbered(path / "image_0", "*.png")
+        self._left = numbered(path / "image_0", "", PICTURES)
         if not self._left:
-            raise SlambedError(f"{path / 'image_0'}: no PNG images; unpack the gray images there")
+            raise SlambedError(
+                f"{path / 'image_0'}: no PNG or JPEG images; unpack the gray images there"
+            )
         if options.sensor == "stereo":
             require(path / "image_1", "right gray images; 'sensor: mono' works without")
         self._lines, self._times_ns = self._read_times()
@@ -153,31 +156,44 @@ class Reader(FolderReader):
         )
 
     def _projection(self, wanted: str) -> tuple[int, np.ndarray]:
-        for number, line in enumerate(read_lines(self._calibration), 1):
-            name, _, values = line.partition(":")
-            if name.strip() != wanted:
-                continue
-            try:
-                matrix = np.array([float(value) for value in values.split()])
-            except ValueError as broken:
-                raise SlambedError(
-                    f"{self._calibration}:{number}: {broken}, expected {_PROJECTION}; "
-                    "fetch the file again"
-                ) from None
-            if matrix.shape != (12,) or not np.isfinite(matrix).all():
-                raise SlambedError(
-                    f"{self._calibration}:{number}: {len(matrix)} values, expected {_PROJECTION}; "
-                    "fetch the file again"
-                )
-            projection = matrix.reshape(3, 4)
-            if abs(projection[0, 1]) > _SKEW_PX or not np.allclose(projection[2], [0, 0, 1, 0]):
-                raise SlambedError(
-                    f"{self._calibration}:{number}: {wanted} has the skew {projection[0, 1]:g} and "
-                    f"the last row {' '.join(f'{value:g}' for value in projection[2])}, expected 0 "
-                    "and 0 0 1 0, as of rectified pictures; fetch the file again"
-                )
-            return number, projection
-        raise SlambedError(f"{self._calibration}: no line {wanted} with {_PROJECTION}; complete it")
+        """Returns the number of a line of calib.txt and its matrix [3,4]."""
+        found = [
+            (number, values)
+            for number, line in enumerate(read_lines(self._calibration), 1)
+            for name, _, values in [line.partition(":")]
+            if name.strip() == wanted
+        ]
+        if not found:
+            raise SlambedError(
+                f"{self._calibration}: no line {wanted} with {_PROJECTION}; complete it"
+            )
+        where = f"{self._calibration}:{found[-1][0]}"
+        if len(found) > 1:
+            raise SlambedError(f"{where}: {wanted} is given twice; remove one of the lines")
+        number, values = found[0]
+        try:
+            matrix = np.array([float(value) for value in values.split()])
+        except ValueError as broken:
+            raise SlambedError(
+                f"{where}: {broken}, expected {_PROJECTION}; fetch the file again"
+            ) from None
+        if matrix.shape != (12,) or not np.isfinite(matrix).all():
+            raise SlambedError(
+                f"{where}: {len(matrix)} values, expected {_PROJECTION}; fetch the file again"
+            )
+        projection = matrix.reshape(3, 4)
+        if abs(skew := projection[0, 1]) > LARGEST_SKEW_PX:
+            raise SlambedError(
+                f"{where}: {wanted} has the skew {skew:g}, expected 0, as of rectified pictures; "
+                "fetch the file again"
+            )
+        if not np.allclose(projection[2], [0, 0, 1, 0]):
+            raise SlambedError(
+                f"{where}: the last row of {wanted} is "
+                f"{' '.join(f'{value:g}' for value in projection[2])}, expected 0 0 1 0; "
+                "fetch the file again"
+            )
+        return number, projection
 
     def _poses_file(self) -> Path | None:
         if not self.options.groundtruth:

@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""7-Scenes (Microsoft Research): frame-000000.color.png, .depth.png, .pose.txt in seq-XX."""
+"""7-Scenes (Microsoft Research): frame-000000.color.png (or .jpg), .depth.png, .pose.txt in
+seq-XX."""
 
 from __future__ import annotations
 
@@ -13,6 +14,7 @@ from numpy.typing import NDArray
 from slambed.data.images import read_depth, read_gray
 from slambed.data.model import Frame
 from slambed.data.readers.base import (
+    PICTURES,
     FolderReader,
     ReaderOptions,
     first_missing,
@@ -43,9 +45,11 @@ class Reader(FolderReader):
     def __init__(self, path: Path, options: ReaderOptions) -> None:
         super().__init__(path, options)
         folder = path / str(options.extra["sequence"]) if "sequence" in options.extra else path
-        self._color = numbered(folder, "frame-*.color.png")
+        self._color = numbered(folder, "frame-", [f".color{suffix}" for suffix in PICTURES])
         if not self._color:
-            raise SlambedError(f"{folder}: no frame-*.color.png in it; unpack the sequence there")
+            raise SlambedError(
+                f"{folder}: no frame-*.color.png or .color.jpg in it; unpack the sequence there"
+            )
         numbers = [number_of(file) for file in self._color]
         if None in numbers:
             raise SlambedError(f"{folder}: expected frame-NUMBER.color.png; rename the images")
@@ -108,7 +112,7 @@ class Reader(FolderReader):
 
     def _sibling(self, i: int, suffix: str) -> Path:
         color = self._color[i]
-        return color.with_name(color.name.removesuffix("color.png") + suffix)
+        return color.with_name(f"{color.name.rsplit('.', 2)[0]}.{suffix}")
 
 
 def _read_pose(file: Path) -> NDArray[np.float64]:

@@ -13,11 +13,12 @@ from slambed.data.images import read_depth, read_gray
 from slambed.data.model import Frame
 from slambed.data.readers.base import FolderReader, ReaderOptions, require, require_poses
 from slambed.data.text_file import table_lines
-from slambed.data.trajectory import Trajectory, read_groundtruth, read_tum, repeated_times
+from slambed.data.trajectory import Trajectory, as_groundtruth, read_tum, repeated_times
 from slambed.errors import SlambedError
 from slambed.files.outputs import is_file
 
 _ENTRY = re.compile(r"\s*([^\s,;]+)[\s,;]+(.*?)[\s,;]*")
+_COMMENT = re.compile(r"[\s,;]+#.*")
 
 
 @dataclass(frozen=True)
@@ -94,19 +95,20 @@ class Reader(FolderReader):
         if not self.options.groundtruth:
             return None
         file = require_poses(self.path / self.options.groundtruth)
-        if again := repeated_times(read_tum(file)):
+        found = read_tum(file)
+        if again := repeated_times(found):
             self.notes.append(
                 f"{file}: poses that differ from another one of the same time: {again}; the first "
                 "of each time is taken"
             )
-        return read_groundtruth(file)
+        return as_groundtruth(found, file)
 
     def _read_list(self, path: Path) -> list[_Image]:
         """Reads lines `time file`, sorted by time; of lines with the same time the first is
         kept."""
         lines, stamps, names = [], [], []
         for number, line in table_lines(path):
-            entry = _ENTRY.fullmatch(line.split("#", 1)[0])
+            entry = _ENTRY.fullmatch(line)
             if entry is None or not entry[2]:
                 raise SlambedError(
                     f"{path}:{number}: expected 'time file', got '{line[:80]}'; correct or remove "
@@ -115,6 +117,8 @@ class Reader(FolderReader):
             lines.append(number)
             stamps.append((number, entry[1]))
             names.append(entry[2])
+        if not lines:
+            raise SlambedError(f"{path}: no image in it; expected lines 'time file'")
         times_ns = self._in_ns(path, stamps, "s")
         self._note_order(path, lines, times_ns)
         images: dict[int, _Image] = {}
@@ -142,14 +146,15 @@ class Reader(FolderReader):
             )
 
 
-def _named_file(listing: Path, line: int, name: str) -> Path:
-    """A file name may contain blanks, and further columns may follow it."""
-    whole, first = listing.parent / name, listing.parent / name.split()[0]
-    if whole == first or is_file(whole):
-        return whole
-    if not is_file(first):
-        raise SlambedError(
-            f"{listing}:{line}: there is neither '{name}' nor '{name.split()[0]}' in "
-            f"{listing.parent}; a name with a blank? Complete the dataset"
-        )
-    return first
+def _named_file(listing: Path, line: int, rest: str) -> Path:
+    """Returns the file that the rest of a line names. Its name may contain blanks and `#`, and
+    further columns and a comment may follow it."""
+    uncommented = _COMMENT.sub("", rest)
+    names = list(dict.fromkeys([rest, uncommented, (uncommented or rest).split()[0]]))
+    for name in names:
+        if len(names) == 1 or is_file(listing.parent / name):
+            return listing.parent / name
+    raise SlambedError(
+        f"{listing}:{line}: there is neither '{names[0]}' nor '{names[-1]}' in "
+        f"{listing.parent}; a name with a blank? Complete the dataset"
+    )
