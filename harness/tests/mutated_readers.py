@@ -519,7 +519,7 @@ PROFILES = {
     "made": """name: made
 description: all there is
 source: us
-params: {peak_ms: 40, mean_ms: 20}
+params: {peak_ms: 40}
 one_way_ms:
   up: {sum: [5, {ramp: {to_ms: $peak_ms, start_s: 1, rise_s: 2, hold_s: 1, fall_s: 2}}]}
   down:

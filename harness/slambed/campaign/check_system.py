@@ -25,14 +25,15 @@ from slambed.campaign.foreign_trajectory import (
 from slambed.campaign.recordings import Recording
 from slambed.data.prepared import PreparedSequence
 from slambed.data.trajectory import Trajectory, read_tum
-from slambed.engines.base import NodePlan, last_line
+from slambed.engines.base import LONGEST_LINE, NodePlan, last_line
 from slambed.engines.foreign import PLAYER, clients_folder, environment, host_path, player_arguments
 from slambed.engines.python_packages import make_environment, must_have_debian_packages
 from slambed.engines.result import RunResult
 from slambed.errors import SlambedError
 from slambed.files.atomic import replacing
 from slambed.files.json_file import object_or_empty
-from slambed.metrics.accuracy import absolute_error, relative_error
+from slambed.metrics.accuracy import MINIMUM_PAIRS, absolute_error, relative_error
+from slambed.metrics.catalog import metrics_of
 from slambed.metrics.declared import fits
 from slambed.metrics.events import Event, read_jsonl
 from slambed.metrics.tracking import values_of
@@ -194,7 +195,7 @@ class Trial:
         """Returns the last lines of the log of each node that printed something."""
         texts = {role: self._log(role).read_text(errors="replace").strip() for role in self.nodes}
         return {
-            role: "\n".join(text.splitlines()[-PRINTED_LINES:])
+            role: "\n".join(line[:LONGEST_LINE] for line in text.splitlines()[-PRINTED_LINES:])
             for role, text in texts.items()
             if text
         }
@@ -212,6 +213,10 @@ def check_system(named: str, library: Library, notify: Callable[[str], None]) ->
     if system.runtime is None:
         raise SlambedError(f"system {system.name} is built in; only programs of others are checked")
     folder = library.system_file(named).parent
+    metrics_of(library.system_file(named))
+    for name in system.runtime.files:
+        if not (folder / name).exists():
+            raise SlambedError(f"{folder / name}: no such file, which runtime.files names")
     found = Checked()
     found.report(True, f"system.yaml: {system.name}, {' and '.join(system.roles)}")
     if (python := system.runtime.python) is not None:
@@ -241,6 +246,14 @@ def check_system(named: str, library: Library, notify: Callable[[str], None]) ->
     return found
 
 
+def _in_words(code: int) -> str:
+    """Returns an exit code, with the name of the signal that it stands for."""
+    try:
+        return f"{code} ({signal.Signals(code - 128).name})" if code > 128 else str(code)
+    except ValueError:
+        return str(code)
+
+
 def _begins(trial: Trial, found: Checked) -> bool:
     assert trial.system.runtime is not None
     ready = trial.ready()
@@ -263,7 +276,7 @@ def _plays(trial: Trial, found: Checked) -> None:
     does = "plays" if trial.recording is None else "reads the folder"
     ends = f"mobile: {does} to the end and then ends by itself, exit code 0"
     if code != 0:
-        how = "it had to be killed" if code is None else f"exit code {code}"
+        how = "it had to be killed" if code is None else f"exit code {_in_words(code)}"
         found.report(False, f"{ends}: {how}, {trial.last_words('mobile')}")
     else:
         found.report(True, ends)
@@ -333,10 +346,11 @@ def _leaves(trial: Trial, found: Checked) -> bool:
 def _path(trial: Trial, found: Checked) -> None:
     path = trial.run_dir / "mobile" / "trajectory.txt"
     estimate = read_tum(path) if path.exists() else None
-    if not found.report(
-        estimate is not None and len(estimate) >= 3,
-        f"reports where the camera was: {0 if estimate is None else len(estimate)} poses",
-    ):
+    count = 0 if estimate is None else len(estimate)
+    line = f"reports where the camera was: {count} poses"
+    if count < MINIMUM_PAIRS:
+        line += f", {MINIMUM_PAIRS} are needed to compare them"
+    if not found.report(count >= MINIMUM_PAIRS, line):
         return
     assert estimate is not None
     truth = read_tum(trial.sequence / "groundtruth.txt")

@@ -21,6 +21,7 @@ from slambed.campaign.datasets import (
 from slambed.campaign.ledger import utc_now
 from slambed.campaign.masks import Notify, make_masks, networks_of
 from slambed.campaign.runs_beyond_plan import of_other_engines
+from slambed.campaign.store import ATTEMPTS, STORE
 from slambed.errors import MissingDataError, SlambedError
 from slambed.files.yaml_source import YamlSource
 from slambed.link.named_profile import adds_nothing, backend_for, read_profile
@@ -49,6 +50,8 @@ from slambed.spec.run_spec import RunSpec
 from slambed.spec.software import software_of_systems
 from slambed.spec.system import System
 
+RESERVED = (STORE, ATTEMPTS, "papers", "inference", "bisect")
+"""Folders of `results/` that are not experiments."""
 Provider = Callable[[str], Path]
 """Name of a prepared input -> its file, which is created if missing."""
 
@@ -90,6 +93,11 @@ def check(
     experiment: Experiment, source: YamlSource, library: Library, engine: str = ""
 ) -> list[NamedProfile]:
     """Validates an experiment without preparing or starting anything."""
+    must_be_free(experiment.id)
+    for role in ("mobile", "edge"):
+        named = getattr(experiment.devices, role)
+        if isinstance(named, str) and role in experiment.devices.model_fields_set:
+            _must_be_a_device(named, role, source, library)
     profiles = read_profiles(experiment, source, read_profile)
     _check_profiles(experiment, source, profiles)
     kept = _kept_sequences(experiment)
@@ -106,6 +114,22 @@ def check(
             raise _of_dataset(error, source, index) from None
         _check_sensor(sensor, experiment, source, library, index)
     return profiles
+
+
+def must_be_free(name: str) -> None:
+    """Raises SlambedError for the name of an experiment that is a folder of results/."""
+    if name in RESERVED:
+        raise SlambedError(
+            f"no experiment may be called '{name}', as a folder of results/ is; take another name"
+        )
+
+
+def _must_be_a_device(name: str, role: str, source: YamlSource, library: Library) -> None:
+    """Also of a role that no system has."""
+    try:
+        library.device(name)
+    except SlambedError as error:
+        raise source.complaint(str(error), ("devices", role)) from None
 
 
 def _kept_sequences(experiment: Experiment) -> dict[str, Sequence]:

@@ -25,7 +25,7 @@ from slambed.campaign.prepared_inputs import prepare_input
 from slambed.campaign.processes import ProcessExecutor
 from slambed.campaign.run_plan import is_idle, print_to, run_plan
 from slambed.campaign.runner import CampaignOutcome, stop_on_signal
-from slambed.campaign.store import ATTEMPTS, STORE, RunStore
+from slambed.campaign.store import RunStore
 from slambed.data.places import cache_folder
 from slambed.engines.host_lock import host_lock
 from slambed.engines.virtual import prune_features
@@ -39,9 +39,6 @@ from slambed.spec.experiment import Experiment
 from slambed.spec.hosts import Host, read_hosts
 from slambed.spec.library import Library
 from slambed.spec.software import host_software
-
-RESERVED = (STORE, ATTEMPTS, "papers", "inference", "bisect")
-"""Folders of `results/` that are not experiments."""
 
 
 def run_experiment(
@@ -58,8 +55,6 @@ def run_experiment(
     library = Library()
     experiment, source = library.experiment(name, options.settings)
     check_first(experiment, source)
-    if experiment.id in RESERVED:
-        raise source.complaint(f"no experiment may be called '{experiment.id}'", ("id",))
     count = repetitions(experiment, options.runs)
     hosts = _hosts(options)
     asked = hosts[0].engine if hosts else options.engine or experiment.engine

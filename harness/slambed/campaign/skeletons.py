@@ -5,8 +5,11 @@ import re
 import shlex
 from pathlib import Path
 
+from slambed.campaign.plan import must_be_free
+from slambed.data.catalog import Catalog
 from slambed.errors import SlambedError
 from slambed.native import repository_root
+from slambed.spec.library import Library
 
 KINDS = ("system", "dataset", "experiment")
 NAME = re.compile(r"[a-z][a-z0-9_]*")
@@ -19,6 +22,7 @@ def write_skeleton(kind: str, name: str, folder: Path) -> list[str]:
         raise SlambedError(f"unknown kind '{kind}'; known: {', '.join(KINDS)}")
     if not NAME.fullmatch(name):
         raise SlambedError(f"'{name}' is no name: small letters, digits and _, a letter first")
+    _must_be_free(kind, name)
     source = repository_root() / "catalog" / "templates"
     if kind != "system":
         target = folder / f"{name}.yaml"
@@ -45,6 +49,19 @@ def write_skeleton(kind: str, name: str, folder: Path) -> list[str]:
         f"next: slambed check-system {shlex.quote(str(place / 'system.yaml'))}",
         f"      slambed run {shlex.quote(str(place / f'{name}_beside_ours.yaml'))} --engine local",
     ]
+
+
+def _must_be_free(kind: str, name: str) -> None:
+    """Raises SlambedError for the name of one of ours: the new file would be refused."""
+    if kind == "experiment":
+        must_be_free(name)
+    taken = False
+    if kind == "system":
+        taken = name in Library().systems()
+    elif kind == "dataset":
+        taken = name in Catalog.load().files
+    if taken:
+        raise SlambedError(f"there is a {kind} {name} already; choose another name")
 
 
 def _write(source: Path, target: Path, name: str) -> None:

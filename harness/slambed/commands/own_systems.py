@@ -22,7 +22,7 @@ def check_system(
     found = checked(system, library.Library(), partial(typer.echo, err=True))
     for good, line in found.lines:
         mark = Text("ok " if good else "no ", "green" if good else "red")
-        console().print(mark, line, soft_wrap=True)
+        console().print(mark, line, soft_wrap=True, highlight=False)
     for role, printed in found.printed.items():
         typer.echo(f"\nlast lines that the {role} program printed:\n{printed}")
     if not found.good:

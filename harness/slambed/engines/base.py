@@ -282,6 +282,10 @@ def allot_cpus(mobile: Limits, edge: Limits | None, host: list[int]) -> dict[Rol
     return allotted
 
 
+LONGEST_LINE = 500
+"""Of what a program printed, in a reason."""
+
+
 def last_line(path: Path) -> str:
     """Returns the last line of a log, preferring one that starts with `error:`, then the exception
     that ends a Python traceback: libraries print more lines while the program ends. Reads only the
@@ -291,7 +295,7 @@ def last_line(path: Path) -> str:
         log.seek(max(0, path.stat().st_size - LOG_END_BYTES))
         lines = log.read().decode(errors="replace").strip().splitlines()
     error_lines = [line for line in lines if line.startswith("error:")]
-    return (error_lines or _exceptions(lines) or lines or ["it printed nothing"])[-1]
+    return (error_lines or _exceptions(lines) or lines or ["it printed nothing"])[-1][:LONGEST_LINE]
 
 
 def _exceptions(lines: list[str]) -> list[str]:

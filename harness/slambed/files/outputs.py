@@ -50,6 +50,8 @@ def make_folder(path: Path, option: str) -> None:
 
 def figure_file(path: Path, formats: tuple[str, ...] = FIGURES) -> Path:
     """Returns the file name of a figure; PNG is the default format."""
+    if path.is_dir():
+        raise SlambedError(f"{path}: a folder, expected a file; name the picture, as {path}/a.png")
     if path.suffix in ("", "."):
         return path.with_name(f"{path.name.rstrip('.')}.png")
     if path.suffix.lower() not in formats:

@@ -30,6 +30,16 @@ KINDS = {
     "model_type": "a mapping",
 }
 """Error type of pydantic -> what was expected, in terms of YAML."""
+NAME_PATTERN = r"^[A-Za-z0-9][A-Za-z0-9_.-]*$"
+FILE_PATTERN = r"^([A-Za-z0-9][A-Za-z0-9_.-]*)?$"
+WORD_PATTERN = r"^[A-Za-z_][A-Za-z0-9_]*$"
+_OF_A_NAME = "letters (a to z), digits, '_', '.' and '-', a letter or digit first"
+PATTERNS = {
+    NAME_PATTERN: f"expected a name of {_OF_A_NAME}",
+    FILE_PATTERN: f"expected the name of a file, without a folder: {_OF_A_NAME}",
+    WORD_PATTERN: "expected a name of letters (a to z), digits and '_', no digit first",
+}
+"""Regular expression of a field -> what was expected."""
 _POWER_OF_TEN = re.compile(r"([+-]?\d+)(?:\.(\d*))?[eE]([+-]?)(\d+)")
 """Numbers such as 1e9, which YAML 1.1 reads as text: it wants a point and a sign."""
 _DECIMAL_COMMA = re.compile(r"[+-]?\d+,\d+")
@@ -70,6 +80,11 @@ class YamlSource:
 def load_yaml(path: Path) -> YamlSource:
     """Reads one YAML document safely (no Python tags); duplicate keys are errors."""
     return _parsed(_text(path), path)
+
+
+def value_of(text: str, where: str) -> Any:
+    """Parses a value that stands alone, such as one of the command line, like one in a file."""
+    return _parsed(text, Path(where)).data
 
 
 def _text(path: Path) -> str:
@@ -207,15 +222,35 @@ def mistake(items: list[Any]) -> str:
             kinds.pop("an integer", None)
         *others, last = kinds
         expected = f"{', '.join(others)} or {last}" if others else last
-        return f"expected {expected}, not {in_words(first['input'])}"
+        of_text = first["type"] == "string_type" and type(first["input"]) in (int, float, bool)
+        advice = " (quote it)" if of_text and not others else ""
+        return f"expected {expected}, not {in_words(first['input'])}{advice}"
     if first["type"] == "invalid_key":
         return f"expected a name, not {in_words(first['input'])} (a decimal comma? write a point)"
+    if (words := _in_words_of(first)) is not None:
+        return f"{words}, not {in_words(first['input'])}"
     message = str(first["msg"]).removeprefix("Value error, ").removeprefix("Assertion failed, ")
     shown = first["input"]
     scalar = isinstance(shown, str | int | float) and not isinstance(shown, bool)
     if scalar or first["type"] == "literal_error":
         message += f" (it is {in_words(shown)})"
     return message[:1].lower() + message[1:]
+
+
+def must_be_word(name: str, location: Location) -> None:
+    """Raises MisplacedError for a key that programs cannot get as the name of an environment
+    variable."""
+    if not re.match(WORD_PATTERN, name):
+        raise MisplacedError(f"{PATTERNS[WORD_PATTERN]}, not {in_words(name)}", location)
+
+
+def _in_words_of(item: Any) -> str | None:
+    """Returns what was expected where pydantic would print a regular expression."""
+    if item["type"] == "too_short" and item["ctx"].get("min_length") == 1:
+        return "expected at least one entry"
+    if item["type"] == "string_pattern_mismatch":
+        return PATTERNS.get(item["ctx"]["pattern"])
+    return None
 
 
 def in_words(value: object) -> str:

@@ -7,11 +7,10 @@ from typing import Annotated, Any, Literal
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, model_validator
 
 from slambed.errors import SlambedError
-from slambed.files.yaml_source import YamlSource, load_yaml, parse
+from slambed.files.yaml_source import NAME_PATTERN, YamlSource, load_yaml, parse
 from slambed.infer.keys import split_key
 from slambed.papers.published import Paper, paper_files, papers_folder, read_paper, read_papers
 from slambed.papers.published.braces import expanded
-from slambed.spec.experiment import NAME
 from slambed.spec.system import Scalar
 from slambed.suggestion import suggestion
 
@@ -157,7 +156,7 @@ class Inference(BaseModel):
 
     model_config = STRICT
 
-    id: str = Field(pattern=NAME)
+    id: str = Field(pattern=NAME_PATTERN)
     """Name of the plan, as of its file."""
     title: str
     """Heading of its page."""

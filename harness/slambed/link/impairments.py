@@ -44,6 +44,10 @@ class Jitter(BaseModel):
         wanted, other = ("sd_ms", "mean_ms") if self.shape == "normal" else ("mean_ms", "sd_ms")
         if getattr(self, wanted) is None or getattr(self, other) is not None:
             raise ValueError(f"{self.shape} jitter takes {wanted} (not {other})")
+        if self.shape == "normal" and "tail" in self.model_fields_set:
+            raise ValueError("tail is of pareto jitter; remove it")
+        if self.mean_ms is not None and self.max_ms is not None and self.mean_ms >= self.max_ms:
+            raise ValueError(f"mean_ms {self.mean_ms:g} is not below max_ms {self.max_ms:g}")
         if self.correlation and self.correlation_s:
             raise ValueError("give correlation or correlation_s, not both")
         return self

@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Profiles as experiments name them, and the backend for each one."""
 
+from pathlib import Path
 from typing import Any
 
 from slambed.link.choice import choose_backend
@@ -14,9 +15,12 @@ ANY_CUT = Fault(at_s=0.0, link="cut", for_s=1.0)
 WORDS = ("description", "source")
 
 
-def read_profile(item: str | float | dict[str, Any], where: str) -> NamedProfile:
-    """Parses a profile given by name, as a number or inline."""
-    profile = parse_profile(item, where)
+def read_profile(
+    item: str | float | dict[str, Any], where: str, near: Path | None = None
+) -> NamedProfile:
+    """Parses a profile given by name, as a number or inline; traces of the latter are named as
+    seen from folder `near`."""
+    profile = parse_profile(item, where, near)
     content = {key: value for key, value in profile.content.items() if key not in WORDS}
     return NamedProfile(profile.name, content, profile.remarks)
 

@@ -18,11 +18,21 @@ _FPING = re.compile(rf":\s*\[(\d+)\],\s+(?:\d+ bytes,\s+)?{_NUMBER}\s+(ms)\b")
 _WINDOWS = re.compile(rf"\s[^\s=<]+\s?[=<]{_NUMBER}\s?([^\W\d]+)(?:\s+TTL=\d+)?\s*$", re.I)
 # Marks duplicates, such as `(DUP!)`, in any language.
 _MARKED = "!)"
-# Matches the stamps of `ping -D` and `fping -D`, and those of `ping | ts '%.s'` or a date of `ts`.
+_CLOCK = r"\d\d:\d\d:\d\d(?:\.\d{1,6})?"
+# Matches the stamps of `ping -D` and `fping -D`, those of `ping --apple-time`, those of
+# `ping | ts` in its forms, of syslog, and dates, in brackets or not.
 _STAMP = re.compile(
-    r"\s*(?:\[(?P<s>\d+(?:\.\d+)?)\]|(?P<bare>\d{9,10}(?:\.\d+)?)\s"
-    r"|(?P<date>\d{4}-\d\d-\d\d[T ]\d\d:\d\d:\d\d(?:\.\d{1,6})?)\D)"
+    r"\s*\[?(?:(?P<s>\d+(?:\.\d+)?)\]|(?P<bare>\d{9,10}(?:\.\d+)?|\d+\.\d{3,})\s"
+    rf"|(?P<date>\d{{4}}-\d\d-\d\d[T ]{_CLOCK})\D"
+    rf"|(?P<month>[A-Z][a-z]{{2}}) +(?P<day>\d{{1,2}}) (?P<of_day>{_CLOCK})\s"
+    rf"|(?P<clock>{_CLOCK})\]?\s)"
 )
+# Matches `time=-8ms`, which Windows writes when its clock was set, and `time=nan ms`.
+_NO_LATENCY = re.compile(
+    r"[=<]\s*(?:-\s?\d[\d.,]*|nan|inf|\d[\d.,]*e[+-]?\d+)\s*(?:ms|s|us|[µμ]s)\b", re.I
+)
+_DAY_S = 86_400.0
+_MONTHS = ("Jan", "Feb", "Mar", "Apr", "May", "Jun", "Jul", "Aug", "Sep", "Oct", "Nov", "Dec")
 _MS_PER = {"s": 1e3, "sec": 1e3, "us": 1e-3, "usec": 1e-3, "µs": 1e-3, "μs": 1e-3}
 #: Sequence numbers have 16 bits.
 _WRAP = 1 << 16
@@ -43,17 +53,38 @@ class PingLog:
 
     echoes: list[Echo]
     is_stamped: bool
+    unread: str = ""
+    """Why its stamps cannot be used, of a log that seems to have some."""
 
 
 def read_ping(lines: list[str]) -> PingLog:
-    """Parses the replies of either format. Raises ValueError if the file contains two logs."""
+    """Parses the replies of either format. Raises ValueError if the file contains two logs, or a
+    time that is no latency."""
+    for number, line in enumerate(lines, 1):
+        if (wrong := _NO_LATENCY.search(line)) is not None:
+            raise ValueError(f"line {number}: '{wrong[0]}' is no latency")
     unix = [
         (line, found)
         for line in lines
         if (found := _UNIX.search(line) or _FPING.search(line)) is not None
         and any(letter.isalpha() for letter in found[3])  # otherwise the line is cut off
     ]
-    return _unix(unix) if unix else PingLog(_windows(lines), False)
+    if unix:
+        return _unix(unix)
+    dated = [line for line in lines if _WINDOWS.search(line) and _begins_with_a_clock(line)]
+    return PingLog(_windows(lines), False, _UNKNOWN if dated else "")
+
+
+_UNKNOWN = "its lines begin with a time of an unknown form"
+_WHOLE_SECONDS = "its stamps are whole seconds, with several replies in one"
+
+
+def _begins_with_a_clock(line: str) -> bool:
+    """Returns whether a time of day stands before the size of the reply, `64 bytes from`, or its
+    first word."""
+    head = re.match(r"(.*?)\d+ [^\W\d]+ [^\W\d]+ |([^A-Za-z]*)", line)
+    before = (head[1] or head[2] or "") if head is not None else ""
+    return re.search(r"\d:\d\d", before) is not None
 
 
 def _unix(replies: list[tuple[str, re.Match[str]]]) -> PingLog:
@@ -62,8 +93,15 @@ def _unix(replies: list[tuple[str, re.Match[str]]]) -> PingLog:
     stamps = [_stamp_s(line) for line, _ in replies]
     # A log may begin or end in the middle of a line.
     is_stamped = 2 * stamps.count(None) < len(stamps)
+    unread = ""
+    if not is_stamped and 2 * sum(_begins_with_a_clock(line) for line, _ in replies) > len(replies):
+        unread = _UNKNOWN
+    known = [stamp for stamp in stamps if stamp is not None]
+    if is_stamped and len({*known}) < len(known) and all(stamp == int(stamp) for stamp in known):
+        is_stamped, unread = False, _WHOLE_SECONDS
     echoes: dict[int, Echo] = {}
     number = int(replies[0][1][1])
+    previous: float | None = None
     for (line, found), stamp in zip(replies, stamps, strict=True):
         if is_stamped and stamp is None:
             continue
@@ -73,17 +111,29 @@ def _unix(replies: list[tuple[str, re.Match[str]]]) -> PingLog:
                 raise ValueError(f"icmp_seq {found[1]} comes again, not as a duplicate")
             continue
         rtt_ms = _ms(found[2], found[3])
+        if stamp is not None and previous is not None and stamp < previous - _DAY_S / 2:
+            stamp += _DAY_S  # a time of day, after midnight
+        previous = stamp if stamp is not None else previous
         sent = stamp - 1e-3 * rtt_ms if is_stamped and stamp is not None else float(number)
         echoes[number] = Echo(sent, rtt_ms)
-    return PingLog([echoes[key] for key in sorted(echoes)], is_stamped)
+    return PingLog([echoes[key] for key in sorted(echoes)], is_stamped, unread)
 
 
 def _stamp_s(line: str) -> float | None:
-    """Returns the time at the begin of a line, in s since 1970; None if there is none."""
+    """Returns the time at the begin of a line; None if there is none. It is in s since 1970, the
+    begin of a year or of a day, or whatever the log counts from."""
     if (found := _STAMP.match(line)) is None:
         return None
-    if (date := found["date"]) is None:
-        return float(found["s"] or found["bare"])
+    if (number := found["s"] or found["bare"]) is not None:
+        return float(number)
+    date = found["date"]
+    if (clock := found["clock"]) is not None:
+        date = f"1970-01-01 {clock}"
+    elif (month := found["month"]) is not None:
+        if month not in _MONTHS:
+            return None
+        # A leap year, as any day may be meant.
+        date = f"1972-{_MONTHS.index(month) + 1:02}-{int(found['day']):02} {found['of_day']}"
     try:
         return datetime.fromisoformat(date).replace(tzinfo=UTC).timestamp()
     except ValueError:

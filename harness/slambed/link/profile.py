@@ -18,7 +18,7 @@ from slambed.files.outputs import is_file
 from slambed.files.yaml_source import in_words, load_yaml
 from slambed.link.curves import LONGEST_MS, Curve, Times
 from slambed.link.impairments import Bandwidth, Gap, Jitter, PacketLoss, Side
-from slambed.link.profile_reader import ProfileReader, substitute
+from slambed.link.profile_reader import ProfileReader, substitute, used_params
 from slambed.link.traces import (
     check_digest,
     find_trace,
@@ -134,13 +134,16 @@ def load_profile(name_or_path: str | Path, params: Mapping[str, float] | None = 
     return _build(data, params or {}, ProfileReader(str(path), path.parent))
 
 
-def parse_profile(mapping: str | float | Mapping[str, Any], where: str) -> Profile:
+def parse_profile(
+    mapping: str | float | Mapping[str, Any], where: str, near: Path | None = None
+) -> Profile:
     """Parses a profile as written in an experiment.
 
     It is a name, a number (constant RTT), `{profile: ramp, params: {peak_ms: 50}, name: mild}`, or
-    a whole inline profile. `where` names the place in errors.
+    a whole inline profile. `where` names the place in errors, `near` is the folder that the traces
+    of an inline profile are named from.
     """
-    reader = ProfileReader(where)
+    reader = ProfileReader(where, near)
     if isinstance(mapping, str):
         try:
             return load_profile(mapping)
@@ -173,7 +176,10 @@ def _build(data: Mapping[str, Any], overrides: Mapping[str, Any], reader: Profil
     data = reader.only(data, KEYS, "")
     params = _params(_mapping(data, "params", reader), overrides, reader)
     data.pop("params", None)
+    used = used_params(data)
     data = {key: substitute(value, params, reader, key) for key, value in data.items()}
+    if unused := [name for name in params if name not in used]:
+        raise reader.complaint(f"nothing uses parameter '{unused[0]}'", "params", "remove it")
     up_curve, down_curve, up_share, down_share = _curves(data, reader)
     up, down = (_side(data, side, reader) for side in ("up", "down"))
     gaps = data.get("gaps") or []
@@ -271,6 +277,9 @@ def _rate_traces(
         if side.rate is not None and (name := side.rate.trace) is not None:
             check_digest(find_trace(name, reader.near), digests.get(name))
             traces[name] = read_rate_trace(name, reader.near)
+    if unused := digests.keys() - traces.keys():
+        known = suggestion(min(unused), traces) or "there is no trace of a rate"
+        raise reader.complaint(f"no rate has the trace '{min(unused)}'", "rate_sha256", known)
     return traces
 
 

@@ -124,6 +124,15 @@ class ProfileReader:
 _KNOWN = f"known: {', '.join(sorted(curves.KINDS))}"
 
 
+def used_params(data: Any) -> set[str]:
+    """Returns the names of the parameters that `data` mentions as '$name'."""
+    if isinstance(data, Mapping):
+        return set().union(*map(used_params, data.values()))
+    if isinstance(data, list):
+        return set().union(*map(used_params, data))
+    return {data[1:]} if isinstance(data, str) and data.startswith("$") else set()
+
+
 def substitute(data: Any, params: Mapping[str, float], reader: ProfileReader, place: str) -> Any:
     """Replaces every string '$name' by the value of that parameter."""
     if isinstance(data, Mapping):

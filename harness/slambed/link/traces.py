@@ -6,12 +6,13 @@ import hashlib
 import math
 import re
 from collections.abc import Mapping
+from contextlib import suppress
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import BaseModel, ConfigDict, Field, model_validator
 
 from slambed.data.places import search_path
 from slambed.data.text_file import read_lines
@@ -31,6 +32,11 @@ _MAX_GAP_S = 1.0
 _PING_INTERVAL_S = 1.0
 """Default of ping on every system."""
 _UNITS_S = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
+
+
+_UNIT_OF_NAME = re.compile(r"[ _\[(](s|ms|us|ns)[\])]?$")
+_SEPARATOR_LINE = re.compile(r"sep=(.)", re.I)
+_WORD = re.compile(r'"[^"]*"|\S+')
 
 
 class TraceFile(BaseModel):
@@ -65,6 +71,16 @@ class TraceFile(BaseModel):
     Default 1 s; for a ping log at least 2.5 intervals, so that one reply may be lost."""
     hold: bool = False
     """True: each value holds until the next one; false: straight lines between."""
+
+    @model_validator(mode="after")
+    def _has_keys_of_its_format(self) -> "TraceFile":
+        of_columns = {"time", "time_unit", "rtt", "rtt_unit"}
+        others = of_columns if self.format == "ping" else {"ping_interval_s"}
+        if self.model_fields_set >= {*type(self).model_fields}:
+            return self  # written out in full by a run's specification
+        if others := others & self.model_fields_set:
+            raise ValueError(f"{min(others)} means nothing with format: {self.format}; remove it")
+        return self
 
 
 def find_trace(name: str, near: Path | None) -> Path:
@@ -135,6 +151,12 @@ def read_rtt_trace(description: TraceFile, near: Path | None, remarks: list[str]
             "clock set? Sort the file, or cut it there"
         )
     times = times - description.start_s
+    times, values = _from_zero(times, values, description)
+    if description.length_s is not None and times[-1] < description.length_s:
+        remarks.append(
+            f"{path.name} lasts {times[-1]:g} s from start_s on, of the {description.length_s:g} s "
+            "asked for; its last value holds"
+        )
     chosen = times >= 0
     if description.length_s is not None:
         chosen &= times <= description.length_s
@@ -143,6 +165,20 @@ def read_rtt_trace(description: TraceFile, near: Path | None, remarks: list[str]
     times, values = times[chosen], values[chosen]
     _check(path, times, values, description)
     return Trace(times_s=times, values_ms=values, hold=description.hold)
+
+
+def _from_zero(
+    times: np.ndarray, values: np.ndarray, description: TraceFile
+) -> tuple[np.ndarray, np.ndarray]:
+    """Adds the value at time 0 where that is between two samples that are near each other."""
+    after = int(np.searchsorted(times, 0.0))
+    steps = np.diff(times)
+    if not 0 < after < len(times) or times[after] == 0 or not (steps > 0).all():
+        return times, values
+    if steps[after - 1] > _longest_gap_s(steps, description):
+        return times, values
+    value = values[after - 1] if description.hold else np.interp(0.0, times, values)
+    return np.insert(times, after, 0.0), np.insert(values, after, value)
 
 
 def _check(path: Path, times: np.ndarray, values: np.ndarray, description: TraceFile) -> None:
@@ -178,14 +214,23 @@ def _longest_gap_s(steps: np.ndarray, description: TraceFile) -> float:
 
 
 def _read_columns(path: Path, description: TraceFile) -> tuple[np.ndarray, np.ndarray]:
-    rows = _split(_with_header(read_lines(path), {description.time, description.rtt}))
+    lines = read_lines(path)
+    rows = _split(_with_header(lines, {description.time, description.rtt}))
     if len(rows) < 2:
         raise SlambedError(f"no samples, {path}; expected a header line and numbers")
     header = [name.strip() for name in rows[0][1]]
     places = []
-    for name in (description.time, description.rtt):
+    for name, unit in (
+        (description.time, "time_unit"),
+        (description.rtt, "rtt_unit"),
+    ):
         if name not in header:
-            raise SlambedError(f"no column '{name}', {path}; {suggestion(name, header)}")
+            advice = suggestion(name, header)
+            with suppress(ValueError):
+                if read_ping(lines).echoes:
+                    advice = "is it a log of ping? Say 'format: ping'"
+            raise SlambedError(f"no column '{name}', {path}; {advice}")
+        _must_be_in(name, unit, description, path)
         if header.count(name) > 1:
             raise SlambedError(f"column '{name}' is there twice, {path}; rename one of them")
         places.append(header.index(name))
@@ -193,8 +238,8 @@ def _read_columns(path: Path, description: TraceFile) -> tuple[np.ndarray, np.nd
     for number, row in rows[1:]:
         if len(row) > len(header) and any(cell.strip() for cell in row[len(header) :]):
             raise SlambedError(
-                f"{len(row)} cells under {len(header)} columns, {path} line {number}; write "
-                "decimals with a point"
+                f"{len(row)} cells under {len(header)} names, {path} line {number}; expected one "
+                "for each, and decimals with a point"
             )
         try:
             times.append(_time_of(row[places[0]], description.time_unit))
@@ -202,7 +247,8 @@ def _read_columns(path: Path, description: TraceFile) -> tuple[np.ndarray, np.nd
         except (ValueError, IndexError):
             found = ", ".join(row)[:60]
             raise SlambedError(
-                f"not a time and a number but '{found}', {path} line {number}; clean the file"
+                f"not a time and a number but '{found}', {path} line {number}; correct or remove "
+                "the line (decimals have a point)"
             ) from None
         if not math.isfinite(times[-1]):
             raise SlambedError(f"time is not a number, {path} line {number}; clean the file")
@@ -211,6 +257,18 @@ def _read_columns(path: Path, description: TraceFile) -> tuple[np.ndarray, np.nd
     start = times[0] if times else 0.0
     relative = (np.array(times) - start) * _UNITS_S[description.time_unit]
     return relative, np.array(values) * to_ms
+
+
+def _must_be_in(name: str, key: str, description: TraceFile, path: Path) -> None:
+    """Raises SlambedError for a column whose name has another unit than the default, if the profile
+    does not say the unit."""
+    named = _UNIT_OF_NAME.search(name)
+    unit = str(getattr(description, key))
+    if named is not None and named[1] != unit and key not in description.model_fields_set:
+        raise SlambedError(
+            f"column '{name}' is in {named[1]} by its name, and {key} is {unit}, {path}; say "
+            f"'{key}: {named[1]}', or '{key}: {unit}' if the name is wrong"
+        )
 
 
 def _time_of(text: str, unit: str) -> float:
@@ -237,11 +295,18 @@ def _with_header(lines: list[str], names: set[str]) -> list[str]:
 def _split(lines: list[str]) -> list[tuple[int, list[str]]]:
     """Returns number (from 1) and fields of each non-empty line."""
     written = [(n, line) for n, line in enumerate(lines, 1) if line.strip() and line[0] != "#"]
-    if written and ";" in written[0][1]:  # spreadsheets with decimal commas
-        return [(n, line.replace(",", ".").split(";")) for n, line in written]
-    if written and "," in written[0][1]:
-        return [(n, row) for n, line in written for row in csv.reader([line])]
-    return [(n, line.split()) for n, line in written]
+    if written and (asked := _SEPARATOR_LINE.fullmatch(written[0][1].strip())) is not None:
+        separators = [asked[1]]  # Excel's first line
+        del written[0]
+    else:
+        separators = [mark for mark in (";", ",", "\t") if written and mark in written[0][1]]
+    if not separators:
+        return [(n, [word.strip('"') for word in _WORD.findall(line)]) for n, line in written]
+    rows = [(n, row) for n, line in written for row in csv.reader([line], delimiter=separators[0])]
+    if separators[0] == ",":
+        return rows
+    # Spreadsheets with decimal commas.
+    return [(n, [cell.replace(",", ".") for cell in row]) for n, row in rows]
 
 
 def _read_ping(
@@ -250,10 +315,14 @@ def _read_ping(
     try:
         log = read_ping(read_lines(path))
     except ValueError as two:
-        raise SlambedError(f"{two}, {path}; give the log of one ping") from None
+        raise SlambedError(f"{two}, {path}; correct it, or give the log of one ping") from None
     start = log.echoes[0].sent if log.echoes else 0.0
     # Subtracted before scaling, as above.
     sent = np.array([echo.sent - start for echo in log.echoes])
+    if log.unread and description.ping_interval_s is None:
+        raise SlambedError(
+            f"{log.unread}, {path}; give ping_interval_s, the time between two requests"
+        )
     step_s = 1.0 if log.is_stamped else description.ping_interval_s or _PING_INTERVAL_S
     if log.echoes and not log.is_stamped and description.ping_interval_s is None:
         remarks.append(

@@ -51,7 +51,8 @@ def own_metrics(system: str, taken: frozenset[str]) -> tuple[Metric, ...]:
     if clash := sorted(taken & set(described.metrics)):
         raise SlambedError(
             f"metrics of system {system}: '{clash[0]}' is a metric of every system, "
-            f"systems/{system}/system.yaml, choose another name"
+            f"{system if Path(system).is_absolute() else f'systems/{system}/system.yaml'}, choose "
+            "another name"
         )
     return tuple(_metric(key, item) for key, item in described.metrics.items())
 

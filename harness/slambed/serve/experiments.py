@@ -6,8 +6,8 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from slambed.campaign.campaign_state import CampaignState, state_of, title_of
+from slambed.campaign.plan import RESERVED
 from slambed.campaign.progress import duration
-from slambed.campaign.run_experiment import RESERVED
 from slambed.files.json_file import read_object
 from slambed.metrics.summary import Summary
 from slambed.serve.guard import PART

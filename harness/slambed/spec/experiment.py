@@ -12,13 +12,13 @@ from pydantic import (
     model_validator,
 )
 
+from slambed.files.yaml_source import NAME_PATTERN
 from slambed.spec.board import Roles
 from slambed.spec.device import DeviceChange
 from slambed.spec.faults import Fault, check_faults, cuts
 from slambed.spec.system import Scalar
 
 STRICT = ConfigDict(extra="forbid", frozen=True, strict=True, allow_inf_nan=False)
-NAME = r"^[A-Za-z0-9][A-Za-z0-9_.-]*$"
 Pace = Literal["host", "device"]
 HOST_PACE: Pace = "host"
 DEVICE_PACE: Pace = "device"
@@ -100,9 +100,9 @@ class SystemChoice(BaseModel):
     """Parameter -> value, instead of the variant's."""
     label: str | None = Field(default=None, pattern=r"^[^/\n]+$")
     """Name of this row in tables; `system` or `system:variant` when not given."""
-    profiles: list[str] | None = None
+    profiles: list[str] | None = Field(default=None, min_length=1)
     """The subset of the experiment's link profiles for this system; all when not given."""
-    datasets: list[str] | None = None
+    datasets: list[str] | None = Field(default=None, min_length=1)
     """The subset of the experiment's datasets for this system, for example those that have its
     sensor; all when not given."""
     devices: OwnDevices = Field(default_factory=OwnDevices)
@@ -171,7 +171,7 @@ class Experiment(BaseModel):
 
     model_config = STRICT
 
-    id: str = Field(pattern=NAME)
+    id: str = Field(pattern=NAME_PATTERN)
     """Name of the experiment, as of the file."""
     title: str
     """Heading of the report."""

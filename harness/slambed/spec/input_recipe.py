@@ -6,7 +6,8 @@ from typing import Literal
 
 from pydantic import BaseModel, Field
 
-from slambed.spec.experiment import NAME, STRICT, Playback
+from slambed.files.yaml_source import NAME_PATTERN
+from slambed.spec.experiment import STRICT, Playback
 from slambed.spec.system import Scalar
 
 YIELDED = {"map": "map.slm", "live_path": "trajectory_live.txt"}
@@ -39,7 +40,7 @@ class InputRecipe(BaseModel):
 
     model_config = STRICT
 
-    id: str = Field(pattern=NAME)
+    id: str = Field(pattern=NAME_PATTERN)
     """Name of the input, as of the file."""
     title: str
     """One line for lists."""

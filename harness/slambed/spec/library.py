@@ -8,7 +8,7 @@ from typing import TypeGuard, TypeVar
 from pydantic import BaseModel
 
 from slambed.errors import SlambedError
-from slambed.files.outputs import is_file, resolved
+from slambed.files.outputs import at_home, is_file, resolved
 from slambed.files.yaml_source import YamlSource, load_yaml, parse
 from slambed.native import left_behind, repository_root
 from slambed.spec.device import Device
@@ -95,6 +95,9 @@ class Library:
             path = resolved(Path(name))
             self._must_exist(path, "system", name, self.systems())
             return path
+        if os.sep in name or name in (".", ".."):
+            file = Path(name, SYSTEM_FILE)
+            raise SlambedError(f"{name} is no name of a system; give the path of its file, {file}")
         folders = [self.root / "systems", *_others()]
         found = [folder / name / SYSTEM_FILE for folder in folders]
         path = next((path for path in found if is_file(path)), found[0])
@@ -131,7 +134,8 @@ class Library:
         item = parse(model, source)
         wanted = path.parent.name if path.name == SYSTEM_FILE else path.stem
         if getattr(item, "name", None) != wanted:
-            raise source.complaint(f"name is not '{wanted}', as the file's name says", ("name",))
+            whose = "folder" if path.name == SYSTEM_FILE else "file"
+            raise source.complaint(f"name is not '{wanted}', as its {whose} is called", ("name",))
         self._read[path] = changed_ns, item
         return item
 
@@ -152,11 +156,17 @@ def _anchor_systems(source: YamlSource) -> None:
 
 
 def _anchor_datasets(source: YamlSource) -> None:
-    """Resolves `datasets: [./mine/dataset.yaml]` likewise."""
-    names = source.data.get("datasets") if isinstance(source.data, dict) else None
-    for index, name in enumerate(names if isinstance(names, list) else []):
-        if _is_file_name(name):
-            source.data["datasets"][index] = str(resolved(source.path.parent / name))
+    """Resolves `datasets: [./mine/dataset.yaml]`, also of one system, likewise."""
+    if not isinstance(source.data, dict):
+        return
+    entries = source.data.get("systems")
+    for owner in (source.data, *(entries if isinstance(entries, list) else [])):
+        names = owner.get("datasets") if isinstance(owner, dict) else None
+        if not isinstance(names, list):
+            continue
+        for index, name in enumerate(names):
+            if _is_file_name(name):
+                names[index] = str(resolved(source.path.parent / at_home(name)))
 
 
 def _anchor_profiles(source: YamlSource) -> None:

@@ -5,6 +5,7 @@ import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from functools import partial
+from pathlib import Path
 from typing import Any
 
 from slambed.errors import SlambedError
@@ -72,8 +73,8 @@ class Circumstances:
     """Core speed measured by `slambed calibrate --host`, read when the campaign began."""
 
 
-ProfileReader = Callable[[str | float | dict[str, Any], str], NamedProfile]
-"""(profile as written, its place in the file) -> checked profile."""
+ProfileReader = Callable[[str | float | dict[str, Any], str, Path | None], NamedProfile]
+"""(profile as written, its place in the file, the file's folder) -> checked profile."""
 
 
 def read_profiles(
@@ -85,7 +86,8 @@ def read_profiles(
     profiles: list[NamedProfile] = []
     for index, item in enumerate(experiment.link.profiles):
         place = ("link", "profiles", index)
-        profile = reader(item, f"{source.path} line {source.line_of(place)}")
+        where = f"{source.path} line {source.line_of(place)}"
+        profile = reader(item, where, source.path.parent)
         if profile.name in {p.name for p in profiles}:
             raise source.complaint(f"profile '{profile.name}' is given twice", place)
         profiles.append(profile)

@@ -5,15 +5,18 @@ Its software tag covers this section, the files of its folder and, in a containe
 """
 
 import hashlib
+import re
 import shutil
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
-from pydantic import BaseModel, ConfigDict, Field, model_validator
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field, model_validator
 
 from slambed.data.layouts import Layout
 from slambed.errors import SlambedError
+from slambed.files.yaml_source import FILE_PATTERN, MisplacedError, must_be_word
+from slambed.suggestion import did_you_mean
 
 STRICT = ConfigDict(extra="forbid", frozen=True, strict=True, allow_inf_nan=False)
 DIGEST_DIGITS = 12
@@ -37,17 +40,31 @@ Gpu = (
 """All GPUs, a number of GPUs, or a list of ids (numbers or UUIDs of nvidia-smi)."""
 
 
+PLACES = ("folder", "frames", "trajectory")
+"""Placeholders of a command."""
+
+
+def _without_nul(text: str) -> str:
+    if "\0" in text:
+        raise ValueError("a NUL byte cannot be given to a program; remove it")
+    return text
+
+
+Text = Annotated[str, AfterValidator(_without_nul)]
+"""What can be given to a program."""
+
+
 class RoleRuntime(BaseModel):
     """One role of a system with its own program."""
 
     model_config = STRICT
 
-    command: list[str] = Field(min_length=1)
+    command: list[Text] = Field(min_length=1)
     """Program and arguments, started in the system's folder. `{folder}` is replaced by that
     folder."""
     image: str = ""
     """Engine docker: image of this role; replaces the common one."""
-    env: dict[str, str] = Field(default_factory=dict)
+    env: dict[str, Text] = Field(default_factory=dict)
     """Name -> value of environment variables."""
     tmpfs: dict[str, int] = Field(default_factory=dict)
     """Engine docker: path of a writable tmpfs -> its size in MB."""
@@ -58,6 +75,17 @@ class RoleRuntime(BaseModel):
     client: bool = True
     """Whether the program talks to slambed-play through one of its client libraries; an edge
     need not."""
+
+    @model_validator(mode="after")
+    def _can_be_started(self) -> "RoleRuntime":
+        for name in self.env:
+            must_be_word(name, ("env", name))
+        for index, word in enumerate(self.command):
+            for name in re.findall(r"(?<!\$)\{([a-z_]+)\}", word):
+                if name not in PLACES and (near := did_you_mean(name, PLACES)):
+                    what = f"unknown placeholder '{{{name}}}'{near}"
+                    raise MisplacedError(what, ("command", index))
+        return self
 
 
 class PythonPackages(BaseModel):
@@ -104,7 +132,7 @@ class Runtime(BaseModel):
     reads: Layout | None = None
     """Layout of the recorded folder that the mobile role reads instead of frames from
     slambed-play."""
-    trajectory: str = Field(default="", pattern=r"^([A-Za-z0-9][A-Za-z0-9_.-]*)?$")
+    trajectory: str = Field(default="", pattern=FILE_PATTERN)
     """For a system that reads a folder: the pose file that it writes to $SLAMBED_OUTPUT."""
     trajectory_format: Literal["tum", "kitti"] = "tum"
     """tum: `time tx ty tz qx qy qz qw`; kitti: 12 numbers per frame, camera to world."""

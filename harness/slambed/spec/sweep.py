@@ -10,11 +10,8 @@ from copy import deepcopy
 from itertools import product
 from typing import Any
 
-import yaml
-
 from slambed.errors import SlambedError
-from slambed.files.yaml_source import Location, YamlSource
-from slambed.files.yaml_text import read_yaml
+from slambed.files.yaml_source import Location, YamlSource, value_of
 from slambed.suggestion import suggestion
 
 GRID = "grid"
@@ -60,12 +57,11 @@ def changed(source: YamlSource, settings: list[str]) -> YamlSource:
     data = deepcopy(source.data)
     for setting in settings:
         key, equals, text = setting.partition("=")
-        if not equals or not key or key == "id":
+        if not equals or not key:
             raise SlambedError(f"--set {setting}: write KEY=VALUE, as in params.n_orb=750")
-        try:
-            value = read_yaml(text)
-        except yaml.YAMLError:
-            raise SlambedError(f"--set {setting}: {text} is no value of YAML") from None
+        if key == "id":
+            raise SlambedError(f"--set {setting}: the id is the name of the file; copy the file")
+        value = value_of(text, f"--set {setting}")
         entries = data.get("systems")
         if key.startswith(PARAMS) and isinstance(entries, list):
             for entry in (e for e in entries if isinstance(e, dict)):

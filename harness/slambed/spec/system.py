@@ -2,13 +2,13 @@
 """systems/<name>/system.yaml: roles, channels, parameters (docs/reference/system.md)."""
 
 from collections.abc import Mapping
-from typing import Literal
+from typing import Annotated, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 
 from slambed.data.layouts import SENSORS
 from slambed.errors import SlambedError
-from slambed.files.yaml_source import MisplacedError
+from slambed.files.yaml_source import WORD_PATTERN, Location, MisplacedError, must_be_word
 from slambed.spec.runtime import Runtime
 from slambed.spec.stages import OwnStage, check_stages
 from slambed.suggestion import suggestion
@@ -19,6 +19,20 @@ Role = Literal["mobile", "edge"]
 KINDS: dict[str, type] = {
     "int": int, "float": float, "bool": bool, "str": str, "path": str, "network": str,
 }  # fmt: skip
+
+
+Word = Annotated[str, Field(pattern=WORD_PATTERN)]
+"""Name of a channel, which programs get in an environment variable."""
+
+
+def _must_differ(key: str, names: list[str]) -> None:
+    """Environment variables have the names in capital letters."""
+    for index, name in enumerate(names):
+        for other in names[:index]:
+            if name.upper() == other.upper():
+                place: Location = (key, name) if key == "params" else (key, index)
+                both = f"'{other}' and '{name}'" if name != other else f"'{name}' twice"
+                raise MisplacedError(f"{key}: {both}, one environment variable for two", place)
 
 
 class Parameter(BaseModel):
@@ -52,6 +66,9 @@ class Parameter(BaseModel):
     def _default_is_legal(self) -> "Parameter":
         if self.role is not None and self.type != "path":
             raise ValueError("role belongs to parameters of type path")
+        numbers = self.type in ("int", "float")
+        if not numbers and not (self.min is None and self.max is None):
+            raise ValueError("min and max belong to numbers")
         self.check(self.default)
         return self
 
@@ -146,9 +163,9 @@ class System(BaseModel):
     """Name in tables and figures."""
     roles: list[Role]
     """`[mobile]`, or `[mobile, edge]`."""
-    channels: list[str] = Field(default_factory=list)
+    channels: list[Word] = Field(default_factory=list)
     """Names of the TCP channels between the nodes; a system on slambed's modules has `control`."""
-    sensors: list[Literal["rgbd", "stereo", "mono"]] = ["rgbd"]
+    sensors: list[Literal["rgbd", "stereo", "mono"]] = Field(default=["rgbd"], min_length=1)
     """Sequences that it can play."""
     params: dict[str, Parameter] = Field(default_factory=dict)
     """Name -> parameter that an experiment can set."""
@@ -171,6 +188,12 @@ class System(BaseModel):
             raise ValueError("a system with an edge needs the channel 'control'")
         if self.runtime is not None and (self.runtime.edge is not None) != self.has_edge:
             raise ValueError("runtime has an edge where roles have one, and only there")
+        if self.channels and not self.has_edge:
+            raise MisplacedError("channels need a role edge", ("channels",))
+        for name in self.params:
+            must_be_word(name, ("params", name))
+        for key, names in (("channels", self.channels), ("params", list(self.params))):
+            _must_differ(key, names)
         self._can_be_read()
         if self.stages and self.runtime is not None:
             raise ValueError("a program of its own has no stages: it takes the time it takes")

@@ -116,6 +116,15 @@ DEFECTS = {
     "is no pose": ("return np.eye(4)", "return np.full((4, 4), np.nan)", "plays to the end"),
     "never ends": ("    client.close()\n", "    client.close()\n    import time; time.sleep(600)\n",
                    "ends by itself"),
+    "is scaled": ("return np.eye(4)", "return np.diag([2, 2, 2, 1.0])", "has no rotation in"),
+    "is transposed": ("return np.eye(4)", "T = np.eye(4); T[3, 0] = 1; return T",
+                      "the last row of the pose of frame 0"),
+    "takes a name": ("client.pose(frame, pose)",
+                     "client.pose(frame, pose); client.event('frame_tracked')",
+                     "is called frame_tracked, which the player writes"),
+    "is no client": ("    client.ready()\n", "    raise SystemExit(0)\n", "say that it is ready"),
+    "prints much": ("    client.ready()\n",
+                    "    print('e' * 100_000); raise SystemExit(3)\n", "eee"),
 }  # fmt: skip
 
 
@@ -128,6 +137,42 @@ def test_a_planted_defect_is_red(system: Path, defect: str) -> None:
     system.write_text(system.read_text() + "  ready_s: 8\n")
     red = red_lines(system)
     assert red and expected in red[0]
+
+
+@pytest.mark.parametrize(
+    ("head", "complaint"),
+    [
+        ("#!/usr/bin/nope\n", "its first line asks for '/usr/bin/nope')"),
+        ("#!/bin/sh\r\n", "asks for '/bin/sh', and its lines end as on Windows"),
+    ],
+)
+def test_a_script_whose_interpreter_is_not_there_is_named(
+    system: Path, head: str, complaint: str
+) -> None:
+    script = system.parent / "go.sh"
+    script.write_text(head, newline="")
+    script.chmod(0o755)
+    content = yaml.safe_load(system.read_text())
+    content["runtime"]["mobile"]["command"] = ["./go.sh"]
+    system.write_text(yaml.safe_dump(content))
+    assert complaint in red_lines(system)[0]
+
+
+def test_a_metric_of_every_system_is_refused(system: Path) -> None:
+    content = yaml.safe_load(system.read_text())
+    content["metrics"] = {"coverage": {"doc": "d", "event": "e", "take": "count"}}
+    system.write_text(yaml.safe_dump(content))
+    code, _, err = slambed("check-system", str(system))
+    assert code == 2 and f"'coverage' is a metric of every system, {system}, choose" in err
+
+
+@pytest.mark.parametrize(
+    ("kind", "name"),
+    [("system", "edgeslam"), ("dataset", "synthetic_room"), ("experiment", "runs")],
+)
+def test_a_name_of_ours_is_refused_for_a_skeleton(tmp_path: Path, kind: str, name: str) -> None:
+    code, _, err = slambed("new", kind, name, "--folder", str(tmp_path))
+    assert code == 2 and "another name" in err and not list(tmp_path.iterdir())
 
 
 def test_a_failing_program_shows_its_last_lines(system: Path) -> None:
@@ -159,6 +204,7 @@ READERS_DEFECTS = {
                  "compared with the true one: a pose is 1e+300 m away"),
     "fails": ("    lines = []\n", "    lines = [1 / 0]\n", "ZeroDivisionError"),
     "never ends": (WRITES, "import time; time.sleep(600)\n    " + WRITES, "had to be killed"),
+    "a folder": (WRITES, "trajectory.mkdir(); str(", "the system left a folder; write a file"),
     "is deaf": ("    lines = []\n", "    lines = []\n    import signal, time\n"
                 "    signal.signal(15, signal.SIG_IGN)\n    time.sleep(3)\n", None),
 }  # fmt: skip

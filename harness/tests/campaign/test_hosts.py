@@ -70,7 +70,7 @@ def test_an_engine_is_part_of_what_a_run_means(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("text", "line"),
     [
-        ("hosts: []\n", "at least 1 item"),
+        ("hosts: []\n", "expected at least one entry"),
         ("host: []\n", "unknown key 'host', .*hosts.yaml line 1; did you mean 'hosts'"),
         ("hosts:\n  - {name: a, adress: b}\n", "'adress', .* line 2; did you mean 'address'"),
         ("hosts:\n  - {name: a}\n", "'hosts.0.address' is missing, .* line 2"),

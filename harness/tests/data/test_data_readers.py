@@ -219,7 +219,11 @@ def test_kitti_with_dates_headers_and_commas(tmp_path: Path) -> None:
         ("calib.txt", "P0: 1 2 3\n", r"calib.txt:1: 3 values, expected 12 numbers"),
         ("calib.txt", "", r"calib.txt: no line P0"),
         ("calib.txt", "P0: 7 5 3 0 0 7 2 0 0 0 1 0\n", r"calib.txt:1: P0 has the skew 5"),
-        ("calib.txt", "P0: 7 0 3 0 0 7 2 0 0 0 2 0\n", r"calib.txt:1: the last row of P0 is 0 0 2 0, expected"),
+        (
+            "calib.txt",
+            "P0: 7 0 3 0 0 7 2 0 0 0 2 0\n",
+            r"calib.txt:1: the last row of P0 is 0 0 2 0",
+        ),
         ("times.txt", "0\nsoon\n1\n", r"times.txt:2: 'soon' is not a time, expected seconds"),
         ("times.txt", "0\n1\n", "2 times for 3 images"),
         ("times.txt", "0\n1e400\n1\n", r"times.txt:2: '1e400' is not a time"),

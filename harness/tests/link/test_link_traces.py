@@ -9,6 +9,7 @@ from typing import Any
 import pytest
 
 from slambed.errors import SlambedError
+from slambed.link.named_profile import read_profile
 from slambed.link.profile import Profile, load_profile, parse_profile
 from slambed.link.traces import at_full_paths, mean_rate_mbps, read_rate_trace
 from slambed.spec.run_spec import LinkSpec
@@ -89,6 +90,98 @@ def test_times_may_be_dates(tmp_path: Path, first: str, second: str, unit: str) 
     assert profile.rtt_ms(0.25) == pytest.approx(15, abs=1e-3)
 
 
+@pytest.mark.parametrize(
+    "text",
+    [
+        "time_s\tsnr\trtt_ms\n0\t30\t10\n0.2\t\t12\n",
+        "time_s\tplace\trtt_ms\n0,0\tmain hall\t10,0\n0,2\t\t12,0\n",
+        "sep=;\ntime_s;rtt_ms\n0;10\n0,2;12\n",
+        "sep=,\ntime_s,rtt_ms\n0,10\n0.2,12\n",
+        '"time_s" "rtt_ms"\n0 10\n0.2 12\n',
+    ],
+)
+def test_cells_of_a_table_stay_in_their_columns(tmp_path: Path, text: str) -> None:
+    profile = trace(tmp_path, text)
+    assert (profile.duration, profile.rtt_ms(0), profile.rtt_ms(0.2)) == (0.2, 10, 12)
+
+
+def test_an_empty_cell_is_no_cell_of_another_column(tmp_path: Path) -> None:
+    with pytest.raises(SlambedError, match=r"not a time and a number but .*line 3"):
+        trace(tmp_path, "time_s\trtt_ms\tx\n0\t12.5\t1\n0.2\t\t99\n0.4\t13\t1\n")
+
+
+def test_a_window_begins_between_two_samples(tmp_path: Path) -> None:
+    text = "time_s,rtt_ms\n0,10\n0.2,12\n0.4,13\n"
+    assert trace(tmp_path, text, start_s=0.1).rtt_ms(0) == pytest.approx(11)
+    held = trace(tmp_path, text, start_s=0.1, hold=True)
+    assert (held.rtt_ms(0), held.rtt_ms(0.1)) == (10, 12)
+    assert trace(tmp_path, text, start_s=0.2).rtt_ms(0) == 12
+
+
+def test_a_recording_that_is_shorter_than_asked_is_told(tmp_path: Path) -> None:
+    text = "time_s,rtt_ms\n0,10\n0.2,12\n"
+    assert "lasts 0.2 s from start_s on, of the 9 s" in trace(tmp_path, text, length_s=9).remarks[0]
+
+
+@pytest.mark.parametrize(
+    ("text", "keys", "message"),
+    [
+        (
+            "t,rtt_s\n0,0.1\n",
+            {"time": "t", "rtt": "rtt_s"},
+            "'rtt_s' is in s by its name",
+        ),
+        (
+            "time_ms,rtt_ms\n0,1\n",
+            {"time": "time_ms"},
+            "'time_ms' is in ms by its name",
+        ),
+        ("time_s,rtt_ms\n0,1\n", {"ping_interval_s": 0.2}, "ping_interval_s means nothing with"),
+        ("x", {"format": "ping", "rtt_unit": "us"}, "rtt_unit means nothing with format: ping"),
+        (
+            "".join(f"64 bytes from a: icmp_seq={i} ttl=1 time=1 ms\n" for i in range(3)),
+            {},
+            "no column 'time_s'.*is it a log of ping. Say 'format: ping'",
+        ),
+    ],
+)
+def test_keys_that_do_not_go_with_the_file_are_named(
+    tmp_path: Path, text: str, keys: dict[str, object], message: str
+) -> None:
+    with pytest.raises(SlambedError, match=message):
+        trace(tmp_path, text, **keys)
+
+
+def test_a_unit_that_is_said_goes_before_a_name(tmp_path: Path) -> None:
+    text = "t,rtt_s\n0,0.01\n0.2,0.02\n"
+    assert trace(tmp_path, text, time="t", rtt="rtt_s", rtt_unit="s").rtt_ms(0) == 10
+
+
+@pytest.mark.parametrize(
+    ("keys", "message"),
+    [
+        ({"jitter": {"sd_ms": 5, "tail": 2}}, "tail is of pareto jitter"),
+        (
+            {"jitter": {"shape": "pareto", "mean_ms": 5, "max_ms": 1}},
+            "mean_ms 5 is not below",
+        ),
+        ({"params": {"p": 20}}, "nothing uses parameter 'p'"),
+        ({"rate_sha256": {"zzz": "abc"}}, "no rate has the trace 'zzz'"),
+    ],
+)
+def test_what_has_no_effect_in_a_profile_is_named(keys: dict[str, object], message: str) -> None:
+    with pytest.raises(SlambedError, match=message):
+        parse_profile({"name": "p", "rtt_ms": 5, **keys}, "here")
+
+
+def test_a_profile_in_place_names_its_trace_from_the_file(tmp_path: Path) -> None:
+    (tmp_path / "own.csv").write_text("time_s,rtt_ms\n0,10\n1,20\n")
+    inline = {"name": "me", "rtt_ms": {"trace": {"file": "own.csv"}}}
+    assert read_profile(inline, "here", tmp_path).name == "me"
+    with pytest.raises(SlambedError, match=r"'own\.csv' not found"):
+        read_profile(inline, "here")
+
+
 def test_a_ping_log(tmp_path: Path) -> None:
     text = "PING a (1.2.3.4) 56(84) bytes of data.\n" + "".join(
         f"64 bytes from 1.2.3.4: icmp_seq={i} ttl=57 time={10.0 + i} ms\n" for i in (1, 2, 3)
@@ -106,7 +199,11 @@ def test_a_ping_log(tmp_path: Path) -> None:
         ("time_s,rtt_ms\n0,1\nnan,2\n", {}, "time is not a number.*line 3"),
         ("time_s,rtt_ms\n0,1\n0.5\n", {}, "not a time and a number.*line 3"),
         ("time_s,rtt\n0,1\n", {}, "no column 'rtt_ms'.*did you mean 'rtt'"),
-        ("time_s,rtt_ms\n0,0,12,5\n1,0,13,1\n", {}, "4 cells under 2 columns.*line 2; write dec"),
+        (
+            "time_s,rtt_ms\n0,0,12,5\n1,0,13,1\n",
+            {},
+            "4 cells under 2 names.*line 2; expected one .* point",
+        ),
         ("time_s,rtt_ms,rtt_ms\n0,12,99\n", {}, "column 'rtt_ms' is there twice"),
         ("time_s,rtt_ms\n9,1\n8,2\n", {}, "time goes back to 1 s before the first sample"),
         ("time_s,rtt_ms\n0,1\n2000,2\n", {}, r"gap of 2000.* or correct time_unit \(s\)"),
@@ -308,8 +405,63 @@ def test_stamps_of_a_log_count_instead_of_an_interval(tmp_path: Path) -> None:
 def test_stamps_of_other_programs(tmp_path: Path, line: str) -> None:
     profile = ping_trace(tmp_path, [line.format(i=i) for i in (10, 12, 13)], max_gap_s=3)
     assert profile.duration == pytest.approx(3) and not profile.remarks
-    wrong = line.replace("17145600{i:02}", "x").replace("11-26", "13-26")
-    assert ping_trace(tmp_path, [wrong.format(i=i) for i in (10, 11)]).remarks
+
+
+@pytest.mark.parametrize(
+    ("stamp", "step_s"),
+    [
+        ("Nov 26 17:21:{i:02}.5 ", 1),
+        ("Nov 26 17:21:{i:02} robot ping[7]: ", 1),
+        ("17:21:{i:02}.500000 ", 1),
+        ("0.{i:02}0000 ", 0.01),
+        ("[2026-11-26 17:21:{i:02}.500000] ", 1),
+    ],
+)
+def test_stamps_of_ts_and_syslog_count(tmp_path: Path, stamp: str, step_s: float) -> None:
+    line = stamp + "64 bytes from 1.2.3.4: icmp_seq={i} ttl=57 time=1 ms"
+    profile = ping_trace(tmp_path, [line.format(i=i) for i in (10, 11, 13)], max_gap_s=3)
+    assert profile.duration == pytest.approx(3 * step_s) and not profile.remarks
+
+
+def test_a_time_of_day_passes_midnight(tmp_path: Path) -> None:
+    reply = " 64 bytes from 1.2.3.4: icmp_seq={} ttl=57 time=1 ms"
+    clocks = ["23:59:59.5", "00:00:00.5", "00:00:01.5"]
+    lines = [clock + reply.format(i) for i, clock in enumerate(clocks)]
+    assert ping_trace(tmp_path, lines).duration == pytest.approx(2)
+
+
+@pytest.mark.parametrize(
+    ("line", "complaint"),
+    [
+        (
+            "Nov 26 17:21:10 64 bytes from 1.2.3.4: icmp_seq={i} ttl=57 time=1 ms",
+            "its stamps are whole seconds, with several replies in one",
+        ),
+        (
+            "2026-13-26 17:21:{i:02}.5 64 bytes from 1.2.3.4: icmp_seq={i} ttl=57 time=1 ms",
+            "its lines begin with a time of an unknown form",
+        ),
+        (
+            "26.11.2026 17:21:{i:02} Antwort von 1.2.3.4: Bytes=32 Zeit=12ms TTL=57",
+            "its lines begin with a time of an unknown form",
+        ),
+    ],
+)
+def test_stamps_that_cannot_be_used_are_not_taken_for_none(
+    tmp_path: Path, line: str, complaint: str
+) -> None:
+    lines = [line.format(i=i) for i in (10, 11, 12)]
+    with pytest.raises(SlambedError, match=f"{complaint}, .*; give ping_interval_s"):
+        ping_trace(tmp_path, lines)
+    assert ping_trace(tmp_path, lines, ping_interval_s=0.2).duration == pytest.approx(0.4)
+
+
+@pytest.mark.parametrize("time", ["-8ms", "-3 ms", "nan ms", "1e400 ms"])
+def test_a_time_that_is_no_latency_is_refused(tmp_path: Path, time: str) -> None:
+    good = "Reply from 1.2.3.4: bytes=32 time=2ms TTL=57"
+    lines = [good, good.replace("2ms", time), good]
+    with pytest.raises(SlambedError, match=f"line 2: '={time}' is no latency"):
+        ping_trace(tmp_path, lines)
 
 
 @pytest.mark.parametrize("encoding", ["utf-8-sig", "utf-16", "utf-16-le", "latin-1"])
@@ -333,5 +485,5 @@ def test_semicolons_with_decimal_commas(tmp_path: Path) -> None:
 
 def test_two_logs_in_one_file_are_not_one(tmp_path: Path) -> None:
     lines = [UNIX_REPLY.format(seq=i, ms=i) for i in (1, 2, 3)]
-    with pytest.raises(SlambedError, match=r"icmp_seq 1 comes again.*; give the log of one ping"):
+    with pytest.raises(SlambedError, match=r"icmp_seq 1 comes again.*give the log of one ping"):
         ping_trace(tmp_path, [*lines, "", *lines])

@@ -85,7 +85,7 @@ def test_the_pages_need_no_results_and_run_nothing(tmp_path: Path) -> None:
     assert (code, err) == (0, "")
     pages = tmp_path / "results" / "papers" / "kept"
     html = (pages / "multithread_rl" / "index.html").read_text()
-    assert "commit 7e197ec" in html and "played 2026-11-23" in html
+    assert "commit 393db60, 474bf7b" in html and "played 2026-11-27" in html
     assert "slambed papers kept multithread_rl" in html
     # Figures of single events are drawn from the events that were kept.
     html = (pages / "cloudslam" / "index.html").read_text()

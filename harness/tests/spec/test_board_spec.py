@@ -86,7 +86,7 @@ def test_a_device_that_is_not_applied_is_reported(file: Path) -> None:
         ("roles.mobile.over=carrier", "'roles.mobile': "),
         ("roles.mobile.edge_address=pi4", "'pi4' is no IPv4 address"),
         ("roles.edge={host: pi4}", "unknown key 'edge'"),
-        ("roles.mobile.name=a b", "(it is 'a b')"),
+        ("roles.mobile.name=a b", "expected a name of letters"),
     ],
 )
 def test_what_cannot_be_on_a_board_is_one_line(file: Path, setting: str, expected: str) -> None:

@@ -27,7 +27,7 @@ HOST = Circumstances(
 )
 
 
-def named(item: str | float | dict[str, Any], where: str) -> NamedProfile:
+def named(item: str | float | dict[str, Any], where: str, near: Path | None) -> NamedProfile:
     return NamedProfile(str(item), {"name": str(item)})
 
 
@@ -155,6 +155,83 @@ def test_a_wrong_parameter_of_a_variant_has_its_line(
         Library(tmp_path).system("solo")
     assert expected in str(caught.value)
     assert f"system.yaml line {text.count(chr(10)) + 4}" in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("text", "expected"),
+    [
+        ("sensors: []", "'sensors': expected at least one entry, not a list"),
+        ("params: {'a b': {type: int, default: 1}}", "digits and '_', no digit first, not 'a b'"),
+        (
+            "params: {a: {type: int, default: 1}, A: {type: int, default: 2}}",
+            "params: 'a' and 'A', one environment variable for two",
+        ),
+        ("params: {a: {type: str, default: x, min: 1}}", "min and max belong to numbers"),
+        ("channels: [a]", "channels need a role edge"),
+        ("runtime: {mobile: {command: [x], env: {'A=B': x}}}", "no digit first, not 'A=B'"),
+        ("runtime: {mobile: {command: [x], env: {A: 1}}}", "expected text, not 1 (quote it)"),
+        ('runtime: {mobile: {command: ["x\\0"]}}', "a NUL byte cannot be given to a program"),
+        ("runtime: {mobile: {command: ['{foldr}/x']}}", "'{foldr}', did you mean 'folder'?"),
+        (
+            "runtime: {reads: tum, trajectory: out/p.txt, mobile: {command: [x]}}",
+            "expected the name of a file, without a folder",
+        ),
+    ],
+)
+def test_what_no_program_can_get_is_named(tmp_path: Path, text: str, expected: str) -> None:
+    write_library(tmp_path)
+    path = tmp_path / "systems" / "solo" / "system.yaml"
+    path.write_text(f"name: solo\ntitle: t\nroles: [mobile]\n{text}\n")
+    with pytest.raises(SlambedError) as caught:
+        Library(tmp_path).system("solo")
+    assert expected in str(caught.value) and "system.yaml line 4" in str(caught.value)
+
+
+def test_braces_of_a_shell_are_no_placeholders(tmp_path: Path) -> None:
+    write_library(tmp_path)
+    path = tmp_path / "systems" / "solo" / "system.yaml"
+    command = "[sh, -c, 'echo ${folders} {other} {folder}']"
+    text = f"name: solo\ntitle: t\nroles: [mobile]\nruntime: {{mobile: {{command: {command}}}}}\n"
+    path.write_text(text)
+    assert Library(tmp_path).system("solo").runtime is not None
+
+
+@pytest.mark.parametrize("name", ["./solo", "..", "systems/solo"])
+def test_a_folder_of_a_system_is_no_name(tmp_path: Path, name: str) -> None:
+    write_library(tmp_path)
+    with pytest.raises(SlambedError, match=r"give the path of its file, .*system\.yaml"):
+        Library(tmp_path).system(name)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "expected"),
+    [
+        (
+            "{system: solo}",
+            "{system: solo, profiles: []}",
+            "profiles': expected at least one",
+        ),
+        (
+            "{system: solo}",
+            "{system: solo, datasets: []}",
+            "datasets': expected at least one",
+        ),
+        ("id: tiny", "id: my exp", "'id': expected a name of letters (a to z), digits"),
+    ],
+)
+def test_lists_without_an_entry_and_odd_names_are_refused(
+    tmp_path: Path, old: str, new: str, expected: str
+) -> None:
+    assert expected in complaint(tmp_path, old, new)
+
+
+def test_datasets_of_a_system_are_named_as_those_of_the_experiment(tmp_path: Path) -> None:
+    text = EXPERIMENT.replace("datasets: [room]", "datasets: [./own.yaml]")
+    text = text.replace("{system: solo}", "{system: solo, datasets: [./own.yaml]}")
+    write_library(tmp_path, text)
+    experiment, _ = Library(tmp_path).experiment("tiny")
+    assert experiment.systems[0].datasets == experiment.datasets
+    assert experiment.datasets == [str(tmp_path / "experiments" / "own.yaml")]
 
 
 def test_a_parameter_of_a_system_without_any_is_named(tmp_path: Path) -> None:

@@ -33,7 +33,7 @@ def runs_of(name: str, settings: list[str] | None = None) -> list[RunSpec]:
     library = Library()
     experiment, source = library.experiment(name, settings)
 
-    def reader(item: Any, _: str) -> NamedProfile:
+    def reader(item: Any, _: str, near: Path | None) -> NamedProfile:
         rtt = {"rtt_ms": {"constant_ms": item}} if not isinstance(item, str) else {}
         return NamedProfile(f"rtt_{item:g}" if rtt else str(item), rtt)
 
@@ -148,6 +148,21 @@ def test_a_wrong_grid_of_a_system_is_one_line(
     with pytest.raises(SlambedError) as error:
         runs_of(name)
     assert expected in str(error.value) and line in str(error.value)
+
+
+@pytest.mark.parametrize(
+    ("setting", "complaint"),
+    [
+        ("params.n_orb=0500", "'0500' is 320 in YAML"),
+        ("seed=10:00", "'10:00' is 600 in YAML"),
+        ("link.profiles=[010]", "'010' is 8 in YAML"),
+        ("id=other", "the id is the name of the file"),
+    ],
+)
+def test_what_is_set_is_read_like_a_file(tmp_path: Path, setting: str, complaint: str) -> None:
+    path = experiment_file(tmp_path, systems=SYSTEMS)
+    with pytest.raises(SlambedError, match=f"{complaint}.*"):
+        Library().experiment(path, [setting])
 
 
 def test_what_is_set_goes_before_the_file(tmp_path: Path) -> None:

@@ -11,11 +11,15 @@
 
 #include <cerrno>
 #include <cstring>
+#include <filesystem>
+#include <fstream>
 
 #include "base/error.hpp"
 
 namespace slambed {
 namespace {
+
+namespace fs = std::filesystem;
 
 constexpr Duration kGrace = std::chrono::seconds(2);
 
@@ -31,6 +35,17 @@ constexpr Duration kGrace = std::chrono::seconds(2);
   const int error = errno;
   [[maybe_unused]] const auto written = write(error_fd, &error, sizeof error);
   _exit(127);
+}
+
+/// Says why a file that is there cannot be started: its interpreter is not there.
+std::string about_interpreter(const CommandOptions& options) {
+  std::ifstream script(fs::path(options.directory) / options.arguments.front());
+  std::string line;
+  if (!std::getline(script, line) || !line.starts_with("#!")) return "";
+  const bool windows = line.ends_with('\r');
+  if (windows) line.pop_back();
+  return " (its first line asks for '" + line.substr(2, 80) + "'" +
+         (windows ? ", and its lines end as on Windows: take the CR out)" : ")");
 }
 
 }  // namespace
@@ -56,6 +71,7 @@ Command::Command(const CommandOptions& options) {
   }
   if (pid_ < 0) {
     throw bad_input("cannot start " + options.arguments.front() + ": " + error_text(error) +
+                    (error == ENOENT ? about_interpreter(options) : "") +
                     "; correct runtime.command of the system");
   }
   watch_ = FileDescriptor(static_cast<int>(syscall(SYS_pidfd_open, pid_, 0)));

@@ -2,6 +2,7 @@
 #include "apps/play/frame_record.hpp"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <nlohmann/json.hpp>
 
@@ -39,6 +40,10 @@ void write(const std::filesystem::path& path, const std::map<std::uint64_t, SE3>
   log.write_live(path);
 }
 
+/// Written by the player of what a system answers; a second one would be counted too.
+constexpr std::array<std::string_view, 6> kOwnEvents{"frame_tracked", "frame_dropped", "track_lost",
+                                                     "relocalized",   "initialized",   "reset"};
+
 }  // namespace
 
 JsonLine system_event(std::string_view text) {
@@ -47,7 +52,13 @@ JsonLine system_event(std::string_view text) {
     throw bad_input("an event of the system is no JSON object with a type: " +
                     std::string(text.substr(0, 80)));
   }
-  JsonLine line(json["type"].get<std::string>());
+  const auto type = json["type"].get<std::string>();
+  if (type.empty()) throw bad_input("an event of the system has an empty type");
+  if (std::ranges::find(kOwnEvents, type) != kOwnEvents.end()) {
+    throw bad_input("an event of the system is called " + type +
+                    ", which the player writes for it; take another name");
+  }
+  JsonLine line(type);
   for (const auto& [key, value] : json.items()) {
     if (key == "type" || key == "t_ns") continue;
     if (value.is_boolean())

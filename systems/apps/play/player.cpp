@@ -248,8 +248,12 @@ class Player {
     write_results();
     if (!code)
       throw bad_input("the system did not end by itself after its last message; it was killed");
-    if (*code == 0)
-      throw bad_input("the system ended " + when + "; ask for frames until there are none");
+    if (*code == 0) {
+      const bool ready = fs::exists(folder_ / "ready.json");
+      throw bad_input("the system ended " + when +
+                      (ready ? "; ask for frames until there are none"
+                             : "; say that it is ready (ready), then ask for frames"));
+    }
     return *code > 128 ? *code : kSystemFailed;
   }
 
@@ -275,6 +279,11 @@ class Player {
 
   void take_trajectory() {
     const fs::path left = folder_ / options_.trajectory;
+    if (fs::exists(left) && !fs::is_regular_file(left)) {
+      throw bad_input(left.string() + ": the system left " +
+                      (fs::is_directory(left) ? "a folder" : "a pipe, socket or device") +
+                      "; write a file");
+    }
     if (!fs::is_regular_file(left)) {
       throw bad_input(left.string() +
                       ": the system left no such trajectory; correct "

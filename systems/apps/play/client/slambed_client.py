@@ -29,6 +29,8 @@ HELLO, INFO, READY, NEXT, FRAME, END, POSE, FINAL, EVENT = range(1, 10)
 SENSORS = ("rgbd", "stereo", "mono")
 STATES = ("ok", "lost", "not_initialized")
 EVENT_BYTES = 4096
+ROTATION_TOLERANCE = 0.05
+"""Of R R^T - I: chained single precision drifts, and is made a rotation again."""
 # These formats must match the structs of slambed_client.h.
 _INFO = struct.Struct("=6IQ5d5d2d")
 _FRAME = struct.Struct("=2IQqd")
@@ -139,8 +141,8 @@ class Client:
     def _packed(
         self, kind: int, state: int, frame: Frame | int, T_wc: Any, features: int, inliers: int
     ) -> bytes:
-        matrix = np.asarray(T_wc, dtype=float)
         index = frame if isinstance(frame, int) else frame.index
+        matrix = _pose(T_wc, index)
         q_xyzw = _quaternion(matrix[:3, :3])
         return _POSE.pack(kind, state, index, *matrix[:3, 3], *q_xyzw, features, inliers)
 
@@ -149,6 +151,23 @@ def edge_address(channel: str) -> tuple[str, int]:
     """Returns the address and port where the edge listens for this channel of system.yaml."""
     port = int(os.environ[f"SLAMBED_PORT_{channel.upper()}"])
     return os.environ["SLAMBED_EDGE_ADDRESS"], port
+
+
+def _pose(T_wc: Any, frame: int) -> NDArray[np.float64]:
+    """Returns a pose as a matrix. Raises ValueError for anything else, also for a matrix that is
+    scaled, mirrored or transposed: as a quaternion it would be another pose."""
+    matrix = np.asarray(T_wc, dtype=float)
+    if matrix.shape not in ((4, 4), (3, 4)):
+        raise ValueError(f"the pose of frame {frame} has shape {matrix.shape}, expected 4x4")
+    if not np.isfinite(matrix).all():
+        raise ValueError(f"the pose of frame {frame} has nan or inf; report the frame as lost")
+    rotation = matrix[:3, :3]
+    apart = np.abs(rotation @ rotation.T - np.eye(3)).max()
+    if apart > ROTATION_TOLERANCE or np.linalg.det(rotation) < 0:
+        raise ValueError(f"the pose of frame {frame} has no rotation in its first 3x3 numbers")
+    if len(matrix) == 4 and not np.allclose(matrix[3], [0, 0, 0, 1], atol=1e-6):
+        raise ValueError(f"the last row of the pose of frame {frame} is {matrix[3]}, not 0 0 0 1")
+    return matrix
 
 
 def _quaternion(rotation: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -115,8 +115,9 @@ TEST(SystemEvent, IsAnObjectWithATypeAndKeepsItsValues) {
                 R"({"b": [1, "\u00e9"], "type": "map", "n": 3, "x": 0.5, "on": true, "t_ns": 7})")
                 .fields(),
             R"("type":"map","b":"[1,\"é\"]","n":3,"on":true,"x":0.5)");
-  for (const char* bad : {"", "[]", "{}", R"({"type": 1})", R"({"type": "a")",
-                          "{\"type\": \"\xff\"}", R"({"type": "a", "x": 1e999})"}) {
+  for (const char* bad :
+       {"", "[]", "{}", R"({"type": 1})", R"({"type": "a")", "{\"type\": \"\xff\"}",
+        R"({"type": "a", "x": 1e999})", R"({"type": ""})", R"({"type": "frame_tracked"})"}) {
     EXPECT_THROW(system_event(bad), Error) << bad;
   }
 }
