@@ -15,7 +15,6 @@ from rosbags.rosbag2 import Reader as RosBag2
 from rosbags.typesys import Stores, get_typestore
 
 from slambed.errors import SlambedError
-from slambed.files.outputs import is_file
 from slambed.suggestion import did_you_mean
 
 _LONGEST_REASON = 160
@@ -101,9 +100,9 @@ class BagFile:
 
 
 def _must_be_unpacked(part: Path) -> None:
-    if not is_file(part):
-        return
-    with part.open("rb") as file:
+    start = b""
+    # What cannot be read is reported when the library opens it.
+    with suppress(OSError), part.open("rb") as file:
         start = file.read(max(map(len, _PACKED)))
     for magic, program in _PACKED.items():
         if start.startswith(magic):

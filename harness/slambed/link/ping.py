@@ -111,8 +111,10 @@ def _unix(replies: list[tuple[str, re.Match[str]]]) -> PingLog:
                 raise ValueError(f"icmp_seq {found[1]} comes again, not as a duplicate")
             continue
         rtt_ms = _ms(found[2], found[3])
-        if stamp is not None and previous is not None and stamp < previous - _DAY_S / 2:
-            stamp += _DAY_S  # a time of day, after midnight
+        if stamp is not None and previous is not None:
+            # Of times of day alone: a date that falls by so much is a clock that was set.
+            is_past_midnight = stamp < _DAY_S and stamp < previous - _DAY_S / 2
+            stamp += _DAY_S if is_past_midnight else 0.0
         previous = stamp if stamp is not None else previous
         sent = stamp - 1e-3 * rtt_ms if is_stamped and stamp is not None else float(number)
         echoes[number] = Echo(sent, rtt_ms)

@@ -430,6 +430,14 @@ def test_a_time_of_day_passes_midnight(tmp_path: Path) -> None:
     assert ping_trace(tmp_path, lines).duration == pytest.approx(2)
 
 
+def test_a_clock_that_was_set_back_by_a_day_is_no_midnight(tmp_path: Path) -> None:
+    reply = "64 bytes from 1.2.3.4: icmp_seq={} ttl=57 time=1 ms"
+    stamps = [1700086400.5, 1700086401.5, 1700000002.5, 1700000003.5]
+    lines = [f"[{stamp:.6f}] " + reply.format(i) for i, stamp in enumerate(stamps)]
+    with pytest.raises(SlambedError, match="time goes back"):
+        ping_trace(tmp_path, lines)
+
+
 @pytest.mark.parametrize(
     ("line", "complaint"),
     [
