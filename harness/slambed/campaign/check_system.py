@@ -213,7 +213,7 @@ def check_system(named: str, library: Library, notify: Callable[[str], None]) ->
     if system.runtime is None:
         raise SlambedError(f"system {system.name} is built in; only programs of others are checked")
     folder = library.system_file(named).parent
-    metrics_of(library.system_file(named))
+    metrics_of(library.system_file(named))  # raises for metrics that are not as they must be
     for name in system.runtime.files:
         if not (folder / name).exists():
             raise SlambedError(f"{folder / name}: no such file, which runtime.files names")
@@ -246,7 +246,7 @@ def check_system(named: str, library: Library, notify: Callable[[str], None]) ->
     return found
 
 
-def _in_words(code: int) -> str:
+def _with_signal(code: int) -> str:
     """Returns an exit code, with the name of the signal that it stands for."""
     try:
         return f"{code} ({signal.Signals(code - 128).name})" if code > 128 else str(code)
@@ -276,7 +276,7 @@ def _plays(trial: Trial, found: Checked) -> None:
     does = "plays" if trial.recording is None else "reads the folder"
     ends = f"mobile: {does} to the end and then ends by itself, exit code 0"
     if code != 0:
-        how = "it had to be killed" if code is None else f"exit code {_in_words(code)}"
+        how = "it had to be killed" if code is None else f"exit code {_with_signal(code)}"
         found.report(False, f"{ends}: {how}, {trial.last_words('mobile')}")
     else:
         found.report(True, ends)

@@ -22,6 +22,7 @@ from pydantic import (
 from slambed.data.lens import PLAIN_COUNT, Lens, coefficients_of, model_of
 from slambed.data.model import LARGEST_SIDE, Camera, Sensor
 from slambed.errors import SlambedError
+from slambed.files.names import Id, Sha256
 from slambed.older_names import RECIPES, keys_today
 
 UNVERIFIED = "unverified here"
@@ -122,7 +123,7 @@ class Download(_Strict):
     )
     size_bytes: int | None = Field(default=None, gt=0)
     """Size of the file."""
-    sha256: str = Field(default=UNVERIFIED, pattern=rf"^([0-9a-f]{{64}}|{UNVERIFIED})$")
+    sha256: Sha256 | Literal["unverified here"] = UNVERIFIED
     """Digest of the file; `unverified here` is fetched with `--force` only."""
     unpack: Literal["tar", "zip", "none"] = "none"
     """How the file is unpacked."""
@@ -225,7 +226,7 @@ class Dataset(_Strict):
     """One sequence: recorded (reader), generated (synthetic), a part of another one (window_of),
     or the first available of others (first_of)."""
 
-    id: str = Field(pattern=r"^[a-z0-9][a-z0-9_]*$")
+    id: Id
     """Name of the sequence, as of the file or of its folder."""
     title: str
     """One line for lists and reports."""

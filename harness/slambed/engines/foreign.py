@@ -10,7 +10,7 @@ from slambed.engines.docker_gpu import gpu_options
 from slambed.engines.python_packages import find_environment
 from slambed.errors import environment_error
 from slambed.native import find_program, repository_root
-from slambed.spec.runtime import PLAYER_IN_CONTAINER, SYSTEM_IN_CONTAINER
+from slambed.spec.runtime import OF_A_RECORDING, PLAYER_IN_CONTAINER, SYSTEM_IN_CONTAINER
 
 PLAYER = "slambed-play"
 PATH = "/usr/local/bin:/usr/bin:/bin"
@@ -48,7 +48,7 @@ def _recorded(plan: NodePlan, config: str, frames: str) -> dict[str, str]:
     if plan.runtime.reads is None or plan.role != "mobile":
         return {}
     left = Path(config).parent / plan.role / plan.runtime.trajectory
-    return {"frames": frames, "trajectory": str(left)}
+    return dict(zip(OF_A_RECORDING, (frames, str(left)), strict=True))
 
 
 def environment(

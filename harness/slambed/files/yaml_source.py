@@ -9,7 +9,8 @@ from pathlib import Path
 from typing import Any, TypeVar, Union, get_args, get_origin
 
 import yaml
-from pydantic import BaseModel, ValidationError
+from pydantic import AfterValidator, BaseModel, Field, ValidationError
+from pydantic_core import PydanticCustomError
 
 from slambed.errors import SlambedError
 from slambed.files.encodings import decode_text
@@ -30,16 +31,8 @@ KINDS = {
     "model_type": "a mapping",
 }
 """Error type of pydantic -> what was expected, in terms of YAML."""
-NAME_PATTERN = r"^[A-Za-z0-9][A-Za-z0-9_.-]*$"
-FILE_PATTERN = r"^([A-Za-z0-9][A-Za-z0-9_.-]*)?$"
-WORD_PATTERN = r"^[A-Za-z_][A-Za-z0-9_]*$"
-_OF_A_NAME = "letters (a to z), digits, '_', '.' and '-', a letter or digit first"
-PATTERNS = {
-    NAME_PATTERN: f"expected a name of {_OF_A_NAME}",
-    FILE_PATTERN: f"expected the name of a file, without a folder: {_OF_A_NAME}",
-    WORD_PATTERN: "expected a name of letters (a to z), digits and '_', no digit first",
-}
-"""Regular expression of a field -> what was expected."""
+_EXPECTED = "expected"
+"""Type of the errors of `matching`."""
 _POWER_OF_TEN = re.compile(r"([+-]?\d+)(?:\.(\d*))?[eE]([+-]?)(\d+)")
 """Numbers such as 1e9, which YAML 1.1 reads as text: it wants a point and a sign."""
 _DECIMAL_COMMA = re.compile(r"[+-]?\d+,\d+")
@@ -79,12 +72,12 @@ class YamlSource:
 
 def load_yaml(path: Path) -> YamlSource:
     """Reads one YAML document safely (no Python tags); duplicate keys are errors."""
-    return _parsed(_text(path), path)
+    return YamlSource(path, *_parsed(_text(path), str(path)))
 
 
 def value_of(text: str, where: str) -> Any:
     """Parses a value that stands alone, such as one of the command line, like one in a file."""
-    return _parsed(text, Path(where)).data
+    return _parsed(text, where)[0]
 
 
 def _text(path: Path) -> str:
@@ -96,22 +89,23 @@ def _text(path: Path) -> str:
         raise SlambedError(f"cannot read {path}: {error}") from None
 
 
-def _parsed(text: str, path: Path) -> YamlSource:
+def _parsed(text: str, where: str) -> tuple[Any, dict[Location, int]]:
+    """Returns the data, and the line of each key and list entry."""
     try:
-        return with_parser(lambda parser: _read(parser(text), path))
+        return with_parser(lambda parser: _read(parser(text), where))
     except yaml.YAMLError as error:
         problem, line = problem_of(error, text)
-        raise SlambedError(f"not YAML: {problem}, {path} line {line}") from None
+        raise SlambedError(f"not YAML: {problem}, {where} line {line}") from None
 
 
-def _read(loader: yaml.SafeLoader, path: Path) -> YamlSource:
+def _read(loader: yaml.SafeLoader, where: str) -> tuple[Any, dict[Location, int]]:
     lines: dict[Location, int] = {}
     try:
         root = loader.get_single_node()
-        data = None if root is None else _construct(loader, root, (), lines, path)
+        data = None if root is None else _construct(loader, root, (), lines, where)
     finally:
         loader.dispose()
-    return YamlSource(path, data, lines)
+    return data, lines
 
 
 def _construct(
@@ -119,7 +113,7 @@ def _construct(
     node: yaml.Node,
     location: Location,
     lines: dict[Location, int],
-    path: Path,
+    where: str,
 ) -> Any:
     lines.setdefault(location, node.start_mark.line + 1)
     if isinstance(node, yaml.MappingNode):
@@ -130,21 +124,21 @@ def _construct(
             line = key_node.start_mark.line + 1
             if not isinstance(key, str | int | float) or isinstance(key, bool):
                 # YAML 1.1 reads an unquoted `on` or `no` as true/false.
-                raise SlambedError(f"key {key!r} is not text (quote it), {path} line {line}")
+                raise SlambedError(f"key {key!r} is not text (quote it), {where} line {line}")
             lines[(*location, key)] = line
-            mapping[key] = _construct(loader, value_node, (*location, key), lines, path)
+            mapping[key] = _construct(loader, value_node, (*location, key), lines, where)
         return mapping
     if isinstance(node, yaml.SequenceNode):
         return [
-            _construct(loader, child, (*location, index), lines, path)
+            _construct(loader, child, (*location, index), lines, where)
             for index, child in enumerate(node.value)
         ]
     value = loader.construct_object(node)
     if type(value) in (int, float) and _OTHER_BASE.match(node.value):
         line = node.start_mark.line + 1
         raise SlambedError(
-            f"'{node.value}' is {value} in YAML (a leading 0 is octal, a ':' base 60), {path} line "
-            f"{line}; write it in decimal, or quote it"
+            f"'{node.value}' is {value} in YAML (a leading 0 is octal, a ':' base 60), {where} "
+            f"line {line}; write it in decimal, or quote it"
         )
     return value
 
@@ -168,7 +162,7 @@ def read_model(model: type[Model], path: Path) -> Model:
 
 @lru_cache(maxsize=512)
 def _model(model: type[Model], path: Path, text: str) -> Model:
-    return parse(model, _parsed(text, path))
+    return parse(model, YamlSource(path, *_parsed(text, str(path))))
 
 
 def _explain(model: type[BaseModel], source: YamlSource, items: list[Any]) -> SlambedError:
@@ -227,7 +221,7 @@ def mistake(items: list[Any]) -> str:
         return f"expected {expected}, not {in_words(first['input'])}{advice}"
     if first["type"] == "invalid_key":
         return f"expected a name, not {in_words(first['input'])} (a decimal comma? write a point)"
-    if (words := _in_words_of(first)) is not None:
+    if (words := _expected_by(first)) is not None:
         return f"{words}, not {in_words(first['input'])}"
     message = str(first["msg"]).removeprefix("Value error, ").removeprefix("Assertion failed, ")
     shown = first["input"]
@@ -237,20 +231,23 @@ def mistake(items: list[Any]) -> str:
     return message[:1].lower() + message[1:]
 
 
-def must_be_word(name: str, location: Location) -> None:
-    """Raises MisplacedError for a key that programs cannot get as the name of an environment
-    variable."""
-    if not re.match(WORD_PATTERN, name):
-        raise MisplacedError(f"{PATTERNS[WORD_PATTERN]}, not {in_words(name)}", location)
+def matching(pattern: str, expected: str) -> tuple[Any, Any]:
+    """Returns the annotations of a text that matches `pattern`. Another text is told as `expected`,
+    because few readers know regular expressions."""
+
+    def check(text: str) -> str:
+        if not re.match(pattern, text):
+            raise PydanticCustomError(_EXPECTED, "{expected}", {"expected": f"expected {expected}"})
+        return text
+
+    return AfterValidator(check), Field(json_schema_extra={"pattern": pattern})
 
 
-def _in_words_of(item: Any) -> str | None:
-    """Returns what was expected where pydantic would print a regular expression."""
+def _expected_by(item: Any) -> str | None:
+    """Returns what was expected, of an error that says so itself or says it badly."""
     if item["type"] == "too_short" and item["ctx"].get("min_length") == 1:
         return "expected at least one entry"
-    if item["type"] == "string_pattern_mismatch":
-        return PATTERNS.get(item["ctx"]["pattern"])
-    return None
+    return str(item["msg"]) if item["type"] == _EXPECTED else None
 
 
 def in_words(value: object) -> str:

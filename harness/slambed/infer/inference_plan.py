@@ -7,7 +7,8 @@ from typing import Annotated, Any, Literal
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, model_validator
 
 from slambed.errors import SlambedError
-from slambed.files.yaml_source import NAME_PATTERN, YamlSource, load_yaml, parse
+from slambed.files.names import Name
+from slambed.files.yaml_source import YamlSource, load_yaml, parse
 from slambed.infer.keys import split_key
 from slambed.papers.published import Paper, paper_files, papers_folder, read_paper, read_papers
 from slambed.papers.published.braces import expanded
@@ -156,7 +157,7 @@ class Inference(BaseModel):
 
     model_config = STRICT
 
-    id: str = Field(pattern=NAME_PATTERN)
+    id: Name
     """Name of the plan, as of its file."""
     title: str
     """Heading of its page."""

@@ -16,8 +16,6 @@ _FPING = re.compile(rf":\s*\[(\d+)\],\s+(?:\d+ bytes,\s+)?{_NUMBER}\s+(ms)\b")
 # Matches `time=12ms TTL=57` and `time<1ms`. IPv6 has no TTL; the statistics lines have a blank
 # after `=`.
 _WINDOWS = re.compile(rf"\s[^\s=<]+\s?[=<]{_NUMBER}\s?([^\W\d]+)(?:\s+TTL=\d+)?\s*$", re.I)
-# Marks duplicates, such as `(DUP!)`, in any language.
-_MARKED = "!)"
 _CLOCK = r"\d\d:\d\d:\d\d(?:\.\d{1,6})?"
 # Matches the stamps of `ping -D` and `fping -D`, those of `ping --apple-time`, those of
 # `ping | ts` in its forms, of syslog, and dates, in brackets or not.
@@ -96,7 +94,11 @@ def _unix(replies: list[tuple[str, re.Match[str]]]) -> PingLog:
     unread = ""
     if not is_stamped and 2 * sum(_begins_with_a_clock(line) for line, _ in replies) > len(replies):
         unread = _UNKNOWN
-    known = [stamp for stamp in stamps if stamp is not None]
+    known = [
+        stamp
+        for (line, _), stamp in zip(replies, stamps, strict=True)
+        if stamp is not None and not _is_duplicate(line)
+    ]
     if is_stamped and len({*known}) < len(known) and all(stamp == int(stamp) for stamp in known):
         is_stamped, unread = False, _WHOLE_SECONDS
     echoes: dict[int, Echo] = {}
@@ -107,7 +109,7 @@ def _unix(replies: list[tuple[str, re.Match[str]]]) -> PingLog:
             continue
         number += (int(found[1]) - number + _WRAP // 2) % _WRAP - _WRAP // 2
         if number in echoes:
-            if not line.rstrip().endswith(_MARKED):
+            if not _is_duplicate(line):
                 raise ValueError(f"icmp_seq {found[1]} comes again, not as a duplicate")
             continue
         rtt_ms = _ms(found[2], found[3])
@@ -119,6 +121,11 @@ def _unix(replies: list[tuple[str, re.Match[str]]]) -> PingLog:
         sent = stamp - 1e-3 * rtt_ms if is_stamped and stamp is not None else float(number)
         echoes[number] = Echo(sent, rtt_ms)
     return PingLog([echoes[key] for key in sorted(echoes)], is_stamped, unread)
+
+
+def _is_duplicate(line: str) -> bool:
+    """Returns whether the line ends in a mark such as `(DUP!)`, in any language."""
+    return line.rstrip().endswith("!)")
 
 
 def _stamp_s(line: str) -> float | None:

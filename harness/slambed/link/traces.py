@@ -76,8 +76,6 @@ class TraceFile(BaseModel):
     def _has_keys_of_its_format(self) -> "TraceFile":
         of_columns = {"time", "time_unit", "rtt", "rtt_unit"}
         others = of_columns if self.format == "ping" else {"ping_interval_s"}
-        if self.model_fields_set >= {*type(self).model_fields}:
-            return self  # written out in full by a run's specification
         if others := others & self.model_fields_set:
             raise ValueError(f"{min(others)} means nothing with format: {self.format}; remove it")
         return self
@@ -220,17 +218,14 @@ def _read_columns(path: Path, description: TraceFile) -> tuple[np.ndarray, np.nd
         raise SlambedError(f"no samples, {path}; expected a header line and numbers")
     header = [name.strip() for name in rows[0][1]]
     places = []
-    for name, unit in (
-        (description.time, "time_unit"),
-        (description.rtt, "rtt_unit"),
-    ):
+    for name, unit_key in ((description.time, "time_unit"), (description.rtt, "rtt_unit")):
         if name not in header:
             advice = suggestion(name, header)
             with suppress(ValueError):
                 if read_ping(lines).echoes:
                     advice = "is it a log of ping? Say 'format: ping'"
             raise SlambedError(f"no column '{name}', {path}; {advice}")
-        _must_be_in(name, unit, description, path)
+        _check_unit(name, unit_key, description, path)
         if header.count(name) > 1:
             raise SlambedError(f"column '{name}' is there twice, {path}; rename one of them")
         places.append(header.index(name))
@@ -259,7 +254,7 @@ def _read_columns(path: Path, description: TraceFile) -> tuple[np.ndarray, np.nd
     return relative, np.array(values) * to_ms
 
 
-def _must_be_in(name: str, key: str, description: TraceFile, path: Path) -> None:
+def _check_unit(name: str, key: str, description: TraceFile, path: Path) -> None:
     """Raises SlambedError for a column whose name has another unit than the default, if the profile
     does not say the unit."""
     named = _UNIT_OF_NAME.search(name)

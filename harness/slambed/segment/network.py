@@ -16,12 +16,11 @@ from pydantic import BaseModel, ConfigDict, Field, model_validator
 
 from slambed.data.places import cache_folder, no_cache
 from slambed.errors import SlambedError, environment_error
+from slambed.files.names import Id, Sha256
 from slambed.files.yaml_source import load_yaml, parse
 from slambed.native import left_behind, repository_root
 from slambed.older_names import RECIPES, keys_today
 from slambed.suggestion import did_you_mean
-
-_SHA256 = r"^[0-9a-f]{64}$"
 
 
 class _Strict(BaseModel):
@@ -56,7 +55,7 @@ class Input(_Strict):
 class Network(_Strict):
     """One catalog/networks/<id>.yaml."""
 
-    id: str = Field(pattern=r"^[a-z0-9][a-z0-9_]*$")
+    id: Id
     """Name of the network, as of the file."""
     title: str
     """One line for lists and reports."""
@@ -65,7 +64,7 @@ class Network(_Strict):
     file: str | None = Field(default=None, description="beside the YAML")
     wheel: Wheel | None = None
     """Wheel that holds the file, instead of `file`."""
-    sha256: str = Field(pattern=_SHA256, description="of the network's file")
+    sha256: Sha256 = Field(description="of the network's file")
     size_bytes: int = Field(gt=0)
     """Size of the file."""
     license: str

@@ -7,6 +7,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field
 
+from slambed.files.names import Address, Name
 from slambed.spec.device import Device, Limits
 
 STRICT = ConfigDict(extra="forbid", frozen=True, strict=True)
@@ -26,11 +27,11 @@ class RoleHost(BaseModel):
 
     model_config = STRICT
 
-    host: Annotated[str, Field(pattern=r"^[^-\s]\S*$")]
+    host: Address
     """The board's SSH address: `user@machine`, `ssh://user@machine:port`, or an alias."""
     over: Literal["ssh"] = "ssh"
     """How the harness reaches the board's Docker daemon."""
-    name: str | None = Field(default=None, pattern=r"^[A-Za-z0-9][A-Za-z0-9_.-]*$")
+    name: Name | None = None
     """Name of the board in tables; `host` when not given."""
     ssh: list[str] = Field(default_factory=list)
     """Further arguments of the ssh command, such as `-p` and a port."""

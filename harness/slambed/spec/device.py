@@ -13,6 +13,7 @@ from pydantic import (
     model_validator,
 )
 
+from slambed.files.names import Name
 from slambed.older_names import STAGES, in_keys
 
 ROUNDING = 1e-3
@@ -226,7 +227,7 @@ class DeviceChange(BaseModel):
 
     device: str
     """Name of the device that is changed."""
-    name: str = Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9_.-]*$")
+    name: Name
     """What tables call the changed device."""
     cores: int | None = Field(default=None, ge=1, le=1024)
     """Another number of cores."""

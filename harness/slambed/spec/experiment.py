@@ -12,7 +12,8 @@ from pydantic import (
     model_validator,
 )
 
-from slambed.files.yaml_source import NAME_PATTERN
+from slambed.files.names import Name
+from slambed.files.yaml_source import matching
 from slambed.spec.board import Roles
 from slambed.spec.device import DeviceChange
 from slambed.spec.faults import Fault, check_faults, cuts
@@ -98,7 +99,7 @@ class SystemChoice(BaseModel):
     """Variant of the system; null: the first one."""
     params: dict[str, Scalar] = Field(default_factory=dict)
     """Parameter -> value, instead of the variant's."""
-    label: str | None = Field(default=None, pattern=r"^[^/\n]+$")
+    label: Annotated[str, *matching(r"^[^/\n]+$", "one line of text without '/'")] | None = None
     """Name of this row in tables; `system` or `system:variant` when not given."""
     profiles: list[str] | None = Field(default=None, min_length=1)
     """The subset of the experiment's link profiles for this system; all when not given."""
@@ -171,7 +172,7 @@ class Experiment(BaseModel):
 
     model_config = STRICT
 
-    id: str = Field(pattern=NAME_PATTERN)
+    id: Name
     """Name of the experiment, as of the file."""
     title: str
     """Heading of the report."""

@@ -4,18 +4,18 @@
 
 from collections import Counter
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Literal
 
 from pydantic import BaseModel, ConfigDict, Field
 
 from slambed.errors import SlambedError
+from slambed.files.names import Address, Name
 from slambed.files.yaml_source import YamlSource, load_yaml, parse
 from slambed.suggestion import suggestion
 
 STRICT = ConfigDict(extra="forbid", frozen=True, strict=True)
 HERE = "here"
 """Address of the machine that starts the campaign."""
-Name = Annotated[str, Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9_.-]*$")]
 
 
 class Host(BaseModel):
@@ -25,7 +25,7 @@ class Host(BaseModel):
 
     name: Name
     """Name in manifests and tables."""
-    address: Annotated[str, Field(pattern=r"^[^-\s]\S*$")]
+    address: Address
     """SSH address (`user@machine`, `ssh://user@machine:port`, an alias), or `here`."""
     slambed: str = Field(default="slambed", min_length=1)
     """Folder of the checkout on that host, with its `.venv`; relative to the home folder."""

@@ -6,7 +6,7 @@ from typing import Literal
 
 from pydantic import BaseModel, Field
 
-from slambed.files.yaml_source import NAME_PATTERN
+from slambed.files.names import Name
 from slambed.spec.experiment import STRICT, Playback
 from slambed.spec.system import Scalar
 
@@ -40,7 +40,7 @@ class InputRecipe(BaseModel):
 
     model_config = STRICT
 
-    id: str = Field(pattern=NAME_PATTERN)
+    id: Name
     """Name of the input, as of the file."""
     title: str
     """One line for lists."""

@@ -15,7 +15,8 @@ from pydantic import AfterValidator, BaseModel, ConfigDict, Field, model_validat
 
 from slambed.data.layouts import Layout
 from slambed.errors import SlambedError
-from slambed.files.yaml_source import FILE_PATTERN, MisplacedError, must_be_word
+from slambed.files.names import FileName, must_be_word
+from slambed.files.yaml_source import MisplacedError, matching
 from slambed.suggestion import did_you_mean
 
 STRICT = ConfigDict(extra="forbid", frozen=True, strict=True, allow_inf_nan=False)
@@ -40,7 +41,9 @@ Gpu = (
 """All GPUs, a number of GPUs, or a list of ids (numbers or UUIDs of nvidia-smi)."""
 
 
-PLACES = ("folder", "frames", "trajectory")
+OF_A_RECORDING = ("frames", "trajectory")
+"""Placeholders in the command of a system that reads a folder: that folder and the pose file."""
+PLACES = ("folder", *OF_A_RECORDING)
 """Placeholders of a command."""
 
 
@@ -88,24 +91,28 @@ class RoleRuntime(BaseModel):
         return self
 
 
+Requirement = Annotated[str, *matching(r"^[^-\s]", "a requirement of pip, not an option")]
+DebianPackage = Annotated[str, *matching(r"^[a-z0-9][a-z0-9.+-]+$", "the name of a Debian package")]
+
+
 class PythonPackages(BaseModel):
     """Packages of PyPI that a system in Python needs. The harness installs them once into an
     environment in the cache, which nodes read; the resolved versions are part of run keys."""
 
     model_config = STRICT
 
-    requires: list[Annotated[str, Field(min_length=1, pattern=r"^[^-\s]")]] = Field(
-        default_factory=list
+    requires: list[Annotated[str, *matching(r"^[^-\s]", "a requirement of pip, not an option")]] = (
+        Field(default_factory=list)
     )
     """Requirements as pip has them, such as `numpy==2.2.1`."""
     requirements: str = ""
     """Name of a requirements file in the system's folder, with or without hashes; it replaces
     `requires`."""
-    version: str = Field(default="", pattern=r"^(3\.\d+)?$")
+    version: Annotated[str, *matching(r"^(3\.\d+)?$", "a version such as '3.11'")] = ""
     """Minor version of Python, such as `"3.11"`; the default is that of slambed's own Python."""
-    apt: list[Annotated[str, Field(pattern=r"^[a-z0-9][a-z0-9.+-]+$")]] = Field(
-        default_factory=list
-    )
+    apt: list[
+        Annotated[str, *matching(r"^[a-z0-9][a-z0-9.+-]+$", "the name of a Debian package")]
+    ] = Field(default_factory=list)
     """Debian packages that the Python packages need. On engine local the host must have them; they
     are never installed there by slambed. An image that slambed makes has them."""
 
@@ -132,7 +139,7 @@ class Runtime(BaseModel):
     reads: Layout | None = None
     """Layout of the recorded folder that the mobile role reads instead of frames from
     slambed-play."""
-    trajectory: str = Field(default="", pattern=FILE_PATTERN)
+    trajectory: FileName = ""
     """For a system that reads a folder: the pose file that it writes to $SLAMBED_OUTPUT."""
     trajectory_format: Literal["tum", "kitti"] = "tum"
     """tum: `time tx ty tz qx qy qz qw`; kitti: 12 numbers per frame, camera to world."""

@@ -2,13 +2,14 @@
 """systems/<name>/system.yaml: roles, channels, parameters (docs/reference/system.md)."""
 
 from collections.abc import Mapping
-from typing import Annotated, Literal
+from typing import Literal
 
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 
 from slambed.data.layouts import SENSORS
 from slambed.errors import SlambedError
-from slambed.files.yaml_source import WORD_PATTERN, Location, MisplacedError, must_be_word
+from slambed.files.names import Word, must_be_word
+from slambed.files.yaml_source import Location, MisplacedError
 from slambed.spec.runtime import Runtime
 from slambed.spec.stages import OwnStage, check_stages
 from slambed.suggestion import suggestion
@@ -19,10 +20,6 @@ Role = Literal["mobile", "edge"]
 KINDS: dict[str, type] = {
     "int": int, "float": float, "bool": bool, "str": str, "path": str, "network": str,
 }  # fmt: skip
-
-
-Word = Annotated[str, Field(pattern=WORD_PATTERN)]
-"""Name of a channel, which programs get in an environment variable."""
 
 
 def _must_differ(key: str, names: list[str]) -> None:

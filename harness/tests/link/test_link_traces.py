@@ -438,6 +438,13 @@ def test_a_clock_that_was_set_back_by_a_day_is_no_midnight(tmp_path: Path) -> No
         ping_trace(tmp_path, lines)
 
 
+def test_a_duplicate_in_the_same_second_is_no_second_reply(tmp_path: Path) -> None:
+    reply = "Nov 26 17:21:{:02} 64 bytes from 1.2.3.4: icmp_seq={} ttl=57 time=1 ms"
+    lines = [reply.format(10 + i, i) for i in range(3)]
+    lines.insert(1, lines[0] + " (DUP!)")
+    assert ping_trace(tmp_path, lines).duration == pytest.approx(2)
+
+
 @pytest.mark.parametrize(
     ("line", "complaint"),
     [

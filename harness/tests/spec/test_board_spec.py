@@ -82,7 +82,7 @@ def test_a_device_that_is_not_applied_is_reported(file: Path) -> None:
         ("link.profiles=[none, ramp]", "profile 'ramp' emulates a link"),
         ("pace=device", "board pi4 has its own pace"),
         ("faults=[{at_s: 3, link: cut, for_s: 1}]", "nobody can cut the network to board pi4"),
-        ("roles.mobile.host=-oProxyCommand=ls", "(it is '-oProxyCommand=ls')"),
+        ("roles.mobile.host=-oProxyCommand=ls", "not '-oProxyCommand=ls'"),
         ("roles.mobile.over=carrier", "'roles.mobile': "),
         ("roles.mobile.edge_address=pi4", "'pi4' is no IPv4 address"),
         ("roles.edge={host: pi4}", "unknown key 'edge'"),
