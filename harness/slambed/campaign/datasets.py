@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from slambed.data.playlist import keep_every
 from slambed.data.prepared import SEQUENCE_FILE
 from slambed.data.recipe import DatasetPlayback
 from slambed.errors import SlambedError
@@ -17,10 +18,12 @@ from slambed.spec.experiment import Playback
 
 if TYPE_CHECKING:
     from slambed.data.catalog import Catalog
-    from slambed.data.prepared import PreparedSequence
+    from slambed.data.prepared import PreparedSequence, SequenceInfo
     from slambed.data.recipe import Dataset
 
 NS_PER_S = 1e9
+_SAME_RATE = 0.02
+"""Relative difference between rates that is not worth a remark, as of 29.97 and 30 fps."""
 
 
 @dataclass(frozen=True)
@@ -69,13 +72,34 @@ class Sequence:
 
 def sensor_of(name: str) -> str:
     """Returns the sensor type of a dataset without preparing it."""
+    return _described(name).sensor
+
+
+def other_rate(name: str, asked: float | None) -> str:
+    """Returns at which rate a dataset is played that has no frames at the rate that is asked for;
+    empty if it has. Prepares nothing."""
+    if asked is None:
+        return ""
+    recorded = _described(name).fps
+    n = keep_every(recorded, asked)
+    if abs(recorded / n / asked - 1) < _SAME_RATE:
+        return ""
+    frames = "all are" if n == 1 else f"one of {n} is"
+    return (
+        f"playback.fps {asked:g}: {name} has {recorded:g} fps, of which {frames} played: "
+        f"{recorded / n:.4g} fps"
+    )
+
+
+def _described(name: str) -> Dataset | SequenceInfo:
+    """Returns what is known about a dataset without preparing it."""
     from slambed.data.catalog import Catalog
     from slambed.data.prepared import PreparedSequence
 
     if (Path(name) / SEQUENCE_FILE).is_file():
-        return PreparedSequence.open(name).info.sensor
+        return PreparedSequence.open(name).info
     catalog = Catalog.load()
-    return catalog.whole(catalog.resolve(name)).sensor
+    return catalog.whole(catalog.resolve(name))
 
 
 def must_be_here(name: str) -> None:

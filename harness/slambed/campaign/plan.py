@@ -13,6 +13,7 @@ from slambed.campaign.datasets import (
     Sequence,
     kept_sequence,
     must_be_here,
+    other_rate,
     prepare_sequence,
     prior_map_of,
     sensor_of,
@@ -162,11 +163,13 @@ def _check_profiles(
 def notes(experiment: Experiment, library: Library) -> list[str]:
     """Returns remarks on replaced datasets and how to get the originals, defaults that the
     experiment relies on, and what cannot be measured for its systems."""
+    fps = experiment.playback.fps
     stand_ins = [line for line in map(stand_in, experiment.datasets) if line]
     return (
         assumed(experiment)
         + _of_board(experiment)
         + stand_ins
+        + [line for name in experiment.datasets if (line := other_rate(name, fps))]
         + [
             f"{system.name} reads a recorded folder at its own speed, whatever playback.mode says: "
             "frames dropped, tracking times and live poses are not known, and left empty"

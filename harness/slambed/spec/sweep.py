@@ -14,6 +14,7 @@ from slambed.errors import SlambedError
 from slambed.files.yaml_source import Location, YamlSource, value_of
 from slambed.suggestion import suggestion
 
+SYSTEMS = "systems"
 GRID = "grid"
 PARAMS = "params."
 RTT = "link.rtt_ms"
@@ -32,20 +33,26 @@ def swept(source: YamlSource) -> YamlSource:
     if not isinstance(data, dict) or not any(_has_grid(item) for item in (data, *entries)):
         return source
     found = {key: value for key, value in data.items() if key != GRID}
-    lines = dict(source.lines)
+    lines = {
+        place: line
+        for place, line in source.lines.items()
+        if place[:1] != (SYSTEMS,) or len(place) == 1
+    }
     grid = _checked(source, data[GRID], (GRID,), RTT) if GRID in data else {}
     if RTT in grid:
         link = found.get("link", {})
         if not isinstance(link, dict) or "profiles" in link:
             raise source.complaint(f"{RTT} of a grid and link.profiles are two links", (GRID, RTT))
         found["link"] = {**link, "profiles": grid.pop(RTT)}
-        _move(lines, source, (GRID, RTT), ("link", "profiles"))
+        lines |= _lines_below(source, (GRID, RTT), ("link", "profiles"))
     if entries:
-        found["systems"] = []
+        found[SYSTEMS] = []
     for index, entry in enumerate(entries):
+        of_entry = _lines_below(source, (SYSTEMS, index), ())
         for made in _points(source, index, entry, grid):
-            _move(lines, source, ("systems", index), ("systems", len(found["systems"])))
-            found["systems"].append(made)
+            at = (SYSTEMS, len(found[SYSTEMS]))
+            lines |= {(*at, *place): line for place, line in of_entry.items()}
+            found[SYSTEMS].append(made)
     return YamlSource(source.path, found, lines)
 
 
@@ -145,10 +152,11 @@ def _put(data: dict[str, Any], path: list[str], value: Any, setting: str) -> Non
     data[path[-1]] = value
 
 
-def _move(lines: dict[Location, int], source: YamlSource, old: Location, new: Location) -> None:
-    """Copies line numbers, so that complaints about expanded entries name the original line."""
-    for place in [place for place in lines if place[: len(new)] == new]:
-        del lines[place]
-    for place, line in source.lines.items():
-        if place[: len(old)] == old:
-            lines[(*new, *place[len(old) :])] = line
+def _lines_below(source: YamlSource, old: Location, new: Location) -> dict[Location, int]:
+    """Returns the lines below `old` as those below `new`, so that complaints about what is made of
+    an entry name the line that was written. Those of a grid, which is gone, are left out."""
+    return {
+        (*new, *place[len(old) :]): line
+        for place, line in source.lines.items()
+        if place[: len(old)] == old and place[len(old) : len(old) + 1] != (GRID,)
+    }

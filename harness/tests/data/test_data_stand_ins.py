@@ -122,3 +122,15 @@ def test_list_and_prepare_report_what_a_choice_takes(tmp_path: Path) -> None:
     _, out, _ = slambed("data", "list", COLUMNS="200", SLAMBED_DATA=str(tmp_path))
     row = next(line for line in out.splitlines() if "paper_office" in line)
     assert f"takes {FR3}" in row and "missing" not in row
+
+
+@pytest.mark.parametrize(
+    ("asked", "played"), [("7", "one of 4 is played: 7.5 fps"), ("60", "all are played: 30 fps")]
+)
+def test_check_says_which_rate_is_played(asked: str, played: str) -> None:
+    check = ("run", "quickstart", "--check", "--engine", "virtual", "--set")
+    code, out, err = slambed(*check, f"playback.fps={asked}")
+    assert code == ExitCode.OK, err
+    assert f"playback.fps {asked}: quickstart has 30 fps, of which {played}" in out
+    code, out, err = slambed(*check, "playback.fps=15")
+    assert code == ExitCode.OK and "playback.fps" not in out, err

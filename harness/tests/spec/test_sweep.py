@@ -11,9 +11,11 @@ import yaml
 from slambed.campaign.run_plan import chosen, preview
 from slambed.campaign.store import RunStore
 from slambed.errors import SlambedError
+from slambed.files.yaml_source import load_yaml
 from slambed.spec.library import Library
 from slambed.spec.matrix import Circumstances, NamedProfile, expand, read_profiles
 from slambed.spec.run_spec import RunSpec, canonical_json
+from slambed.spec.sweep import swept
 
 HEAD: dict[str, Any] = {
     "title": "A sweep",
@@ -226,3 +228,18 @@ def test_one_cell_can_be_chosen_and_reported_before(tmp_path: Path) -> None:
     assert last == "4 runs to execute, about 1 min 00 s on an idle machine"
     (*_, nothing) = preview([], RunStore(tmp_path), ("valid",), 30.0, 2, virtual=True)
     assert nothing == "0 runs to execute, about 0 s"
+
+
+def test_a_system_of_a_grid_has_the_lines_of_its_entry_alone(tmp_path: Path) -> None:
+    """A grid's own lines at each of its points would be as many as the points squared."""
+    values = list(range(300, 1300))
+    system = {"system": "orbslam2", "grid": {"params.n_orb": values}}
+    after = {"system": "edgeslam", "variant": "static"}
+    name = experiment_file(tmp_path, systems=[system, after], link={"profiles": ["none"]})
+    source = swept(load_yaml(Path(name)))
+    assert len(source.data["systems"]) == len(values) + 1
+    below = [place for place in source.lines if place[:1] == ("systems",)]
+    assert len(below) == 1 + 2 * len(values) + 3  # `systems`, two of each point, three of `after`
+    assert source.line_of(("systems", 700, "params", "n_orb")) == source.line_of(("systems", 0))
+    text = Path(name).read_text().splitlines()
+    assert "variant: static" in text[source.line_of(("systems", 1000, "variant")) - 1]
