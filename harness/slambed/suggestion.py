@@ -19,5 +19,6 @@ def did_you_mean(word: str, known: Iterable[str]) -> str:
 
 
 def _near(word: str, names: list[str]) -> str:
-    close = get_close_matches(word, names, n=1, cutoff=0.6)
-    return f"did you mean '{close[0]}'?" if close else ""
+    in_any_case = {name.lower(): name for name in names}
+    close = get_close_matches(word.lower(), in_any_case, n=1, cutoff=0.6)
+    return f"did you mean '{in_any_case[close[0]]}'?" if close else ""

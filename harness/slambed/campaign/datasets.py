@@ -52,10 +52,13 @@ class Sequence:
         try:
             return Playback.model_validate(asked.model_dump() | own)
         except ValueError:
+            end_s = self.defaults.end_s
+            end = "the end" if end_s is None else f"{end_s:g} s"
+            given = asked.model_dump(include=asked.model_fields_set & {"start_s", "end_s"})
+            theirs = ", ".join(f"{key} {value:g}" for key, value in given.items())
             raise SlambedError(
-                f"dataset {self.id} plays from {self.defaults.start_s:g} s to "
-                f"{self.defaults.end_s} s by its file, which does not go with the experiment's "
-                f"start_s {asked.start_s:g}, end_s {asked.end_s}; give both there"
+                f"dataset {self.id} plays from {self.defaults.start_s:g} s to {end} by its file, "
+                f"which does not go with the experiment's {theirs}; give start_s and end_s there"
             ) from None
 
     def played_s(self, playback: Playback) -> float:

@@ -79,7 +79,7 @@ def unpack(file: Path, results: Path) -> tuple[int, int]:
     """Adds the runs of a file to a results folder; returns the number of runs and of new ones.
 
     Existing valid runs and existing plans are kept. Raises SlambedError for a file that `pack` did
-    not write, or a truncated one; its complete runs are kept.
+    not write, or a truncated one; its complete runs are kept, which the message says.
     """
     store = RunStore(results)
     store.open()
@@ -88,12 +88,17 @@ def unpack(file: Path, results: Path) -> tuple[int, int]:
     try:
         for place, files in _members(file):
             if place.parts[0] == STORE:
-                found += 1
                 new += _take_run(store, place.parts[1], files, file)
+                found += 1
             else:
                 _must_be_whole(files, place, file)
                 experiments.add(place.parts[0])
                 _take_experiment(results / place.parts[0], files)
+    except SlambedError as error:
+        if not found:
+            raise
+        kept = f"{found} of its runs were whole and are kept in {results}"
+        raise SlambedError(f"{error}; {kept}", error.code) from None
     except OSError as error:
         raise environment_error(f"cannot write results: {error.strerror}, {results}") from None
     finally:
@@ -102,6 +107,8 @@ def unpack(file: Path, results: Path) -> tuple[int, int]:
             if name in experiments:
                 (results / name / STORE).mkdir(exist_ok=True)
                 ResultFolder(results / name).show(keys)
+    if not found:
+        raise SlambedError(f"{file} has no run in it; pack it again")
     return found, new
 
 

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import os
 import re
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -12,6 +13,7 @@ from slambed.data.cache import SequenceCache
 from slambed.data.preparation import Notify, Progress, SourceJob, SynthJob
 from slambed.data.prepared import SEQUENCE_FILE, PreparedSequence
 from slambed.data.readers import ReaderOptions, SequenceReader, load_reader
+from slambed.data.readers.base import FolderReader
 from slambed.data.recipe import UNVERIFIED, Dataset, split_pattern
 from slambed.data.recipe_file import DATASET_FILE, dataset_files, dataset_name, load_recipe
 from slambed.errors import MissingDataError, SlambedError
@@ -101,7 +103,7 @@ class Catalog:
             raise SlambedError(f"there is no dataset file {file}")
         dataset = self._add(file)
         for name in (*dataset.first_of, *filter(None, [dataset.window_of])):
-            beside = (file.with_name(f"{name}.yaml"), file.with_name(name) / DATASET_FILE)
+            beside = (file.parent / f"{name}.yaml", file.parent / name / DATASET_FILE)
             if name not in self.files and (found := [p for p in beside if is_file(p)]):
                 self._of_file(found[0])
         return dataset
@@ -155,10 +157,20 @@ class Catalog:
         if dataset.window_of is None:
             return dataset
         whole = self.get(self._named_by(dataset, dataset.window_of))
+        if whole.id == dataset.id:
+            raise SlambedError(
+                f"dataset '{dataset.id}': window_of leads back to itself; name the dataset that it "
+                "is a part of"
+            )
         if whole.first_of or whole.window_of:
             raise SlambedError(
                 f"dataset '{dataset.id}': window_of {whole.id}, which is no sequence of its own; "
                 "name the one that it leads to"
+            )
+        if "sensor" in dataset.model_fields_set and dataset.sensor != whole.sensor:
+            raise SlambedError(
+                f"dataset '{dataset.id}': sensor {dataset.sensor}, but it is a part of {whole.id}, "
+                f"which is {whole.sensor}; remove sensor"
             )
         return whole
 
@@ -170,6 +182,15 @@ class Catalog:
     def _located(self, dataset: Dataset) -> list[Path]:
         """Returns all matches of the first successful pattern in one folder: the parts of one
         recording."""
+        for folder, pattern in self._looked_for(dataset):
+            # A name with brackets is a pattern, too.
+            as_named = [folder / pattern] if places.exists(folder / pattern) else []
+            if found := as_named or sorted(folder.glob(pattern), key=in_reading_order):
+                return found
+        return []
+
+    def _looked_for(self, dataset: Dataset) -> list[tuple[Path, str]]:
+        """Returns the start folders and patterns of the source, in the order of the search."""
         splits = [split_pattern(pattern) for pattern in dataset.paths]
         named = [(folder, rest) for folder, rest in splits if folder is not None]
         searched = [
@@ -178,12 +199,7 @@ class Catalog:
             for own, rest in splits
             if own is None
         ]
-        for folder, pattern in named + searched:
-            # A name with brackets is a pattern, too.
-            as_named = [folder / pattern] if places.exists(folder / pattern) else []
-            if found := as_named or sorted(folder.glob(pattern), key=in_reading_order):
-                return found
-        return []
+        return named + searched
 
     def _path_file(self, dataset: Dataset) -> Path | None:
         """Returns the trajectory file of a generated dataset that follows a recorded path."""
@@ -240,6 +256,8 @@ class Catalog:
         source = self.locate(dataset)
         if source is None:
             if (kept := cache.find(dataset)) is not None:
+                missing = self._not_found(dataset)
+                notify(f"note: {missing}; the sequence prepared from it before is played")
                 return PreparedSequence.open(kept)
             raise MissingDataError(self._missing(dataset))
         if is_file(source / SEQUENCE_FILE):
@@ -271,11 +289,14 @@ class Catalog:
             size = f"{download.size_bytes / 1e6:.0f} MB" if download.size_bytes else "size unknown"
             checked = "checksum " + (UNVERIFIED if not download.verified else download.sha256[:12])
             recipe = f"get it from {download.url} ({size}, {checked})"
+        return f"{self._not_found(dataset)}; {recipe}, or set SLAMBED_DATA"
+
+    def _not_found(self, dataset: Dataset) -> str:
+        looked_for = [str(folder / pattern) for folder, pattern in self._looked_for(dataset)]
+        if dead := next(filter(os.path.islink, looked_for), None):
+            return f"dataset '{dataset.id}' not found: {dead} is a link to nothing"
         wanted = " or ".join(dataset.paths)
-        return (
-            f"dataset '{dataset.id}' not found: no {wanted} in {self._folders(dataset)}; {recipe}, "
-            "or set SLAMBED_DATA"
-        )
+        return f"dataset '{dataset.id}' not found: no {wanted} in {self._folders(dataset)}"
 
 
 def in_reading_order(path: Path) -> list[tuple[int, str]]:
@@ -304,7 +325,26 @@ def open_source(dataset: Dataset, source: Path, *more: Path) -> SequenceReader:
         reader = load_reader(dataset.reader)
     except SlambedError as unknown:
         raise SlambedError(f"dataset '{dataset.id}': {unknown}") from None
+    _must_fit(reader, dataset, source)
     return reader(source, options)
+
+
+def _must_fit(reader: type[SequenceReader], dataset: Dataset, source: Path) -> None:
+    """Raises SlambedError for a source or a recipe that this reader cannot use."""
+    if not places.exists(source):
+        raise SlambedError(f"dataset '{dataset.id}': {source} is a link to nothing; correct it")
+    if issubclass(reader, FolderReader) and is_file(source):
+        raise SlambedError(
+            f"dataset '{dataset.id}': {source} is a file, but {dataset.reader} reads folders; name "
+            "the folder in paths"
+        )
+    # A format with its own calibration refuses another one.
+    if dataset.camera is None and reader.takes_distortion:
+        keys = ", ".join(f"{key}: ..." for key in ("width", "height", "fx", "fy", "cx", "cy", "bf"))
+        raise SlambedError(
+            f"dataset '{dataset.id}': {dataset.reader} brings no calibration; add camera: "
+            f"{{{keys}}} (slambed data import-camera writes it)"
+        )
 
 
 def prepare(

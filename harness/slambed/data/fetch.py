@@ -12,6 +12,7 @@ import fcntl
 import hashlib
 import http.client
 import os
+import re
 import time
 import urllib.error
 import urllib.request
@@ -20,16 +21,20 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import IO, Any
+from urllib.parse import urlsplit
 
 from slambed.data.preparation import Progress
-from slambed.errors import SlambedError, environment_error
+from slambed.errors import ExitCode, SlambedError, environment_error
 
 CHUNK_BYTES = 1 << 18
 TIMEOUT_S = 60.0
 ATTEMPTS = 4
 """Maximum attempts per address; after the first one, they continue only while new data arrives."""
 PAUSE_S = 1.0
+_LOST = (TimeoutError, ConnectionResetError)
+"""Connections that may be better the next time; urlopen() does not turn all into a URLError."""
 PART, ORIGIN = ".part", ".from"
+_PASSWORD = re.compile(r"//([^/?#:@]*):[^/?#]*@")
 
 
 class WrongChecksumError(SlambedError):
@@ -58,12 +63,19 @@ class _EndedEarlyError(Exception):
         self.came = came
 
 
+def shown(address: str) -> str:
+    """Returns the address without its password, for messages."""
+    return _PASSWORD.sub(r"//\1:***@", address, count=1)
+
+
 def fetch(wanted: Wanted, folder: Path, progress: Progress | None = None) -> tuple[Path, str]:
     """Returns the file, below `folder`, and its SHA-256; the caller moves or removes it.
 
     Raises SlambedError: if all addresses give a wrong checksum, nothing is kept. After a network
     failure the partial file is kept, and the next call resumes it.
     """
+    for address in wanted.addresses:
+        _check(address)
     part = wanted.part(folder)
     with _alone(part):
         failures = []
@@ -78,8 +90,49 @@ def fetch(wanted: Wanted, folder: Path, progress: Progress | None = None) -> tup
         message = "; ".join(str(item) for item in failures)
         if all(isinstance(item, WrongChecksumError) for item in failures):
             raise SlambedError(f"{message}; nothing was kept")
+        if all(item.code == ExitCode.BAD_INPUT for item in failures):
+            raise SlambedError(message)
         goes_on = f"; {kept} bytes are kept, the same command goes on" if kept else ""
         raise environment_error(f"{message}; check the network{goes_on}")
+
+
+def _check(address: str) -> None:
+    """Raises SlambedError for an address that no network could make work."""
+    if not _is_address(address):
+        raise SlambedError(
+            f"url '{shown(address)}' is no address of a file; expected http://, https://, ftp:// "
+            "or file:/// and what follows it, a blank written as %20"
+        )
+    if _scheme(address) in ("http", "https") and "@" in urlsplit(address).netloc:
+        # http.client takes the user and password for a part of the host's name.
+        raise SlambedError(
+            f"{shown(address)}: a user and password are for ftp:// only; "
+            "fetch the file by hand and write its file:/// address"
+        )
+
+
+def _is_address(address: str) -> bool:
+    try:
+        parts = urlsplit(address)
+        if _is_local(address):
+            return parts.path.startswith("/")
+        host = (parts.hostname or "").encode("idna")
+        in_range = parts.port is None or parts.port > 0
+    except ValueError:  # brackets, port or host name
+        return False
+    is_plain = address.isprintable() and " " not in address
+    is_known = _scheme(address) in ("http", "https", "ftp")
+    is_ascii = (parts.path + parts.query).isascii()
+    return is_known and bool(host) and in_range and is_plain and is_ascii
+
+
+def _scheme(address: str) -> str:
+    """Unlike urlsplit() it does not ignore blanks, as urlopen() does not either."""
+    return address.partition(":")[0].lower()
+
+
+def _is_local(address: str) -> bool:
+    return _scheme(address) == "file"
 
 
 def _from_address(address: str, wanted: Wanted, part: Path, progress: Progress | None) -> str:
@@ -96,7 +149,7 @@ def _from_address(address: str, wanted: Wanted, part: Path, progress: Progress |
         if wanted.sha256 == digest:
             return digest
         forget(part)
-    raise WrongChecksumError(f"{address}: sha256 is {digest}, not {wanted.sha256}")
+    raise WrongChecksumError(f"{shown(address)}: sha256 is {digest}, not {wanted.sha256}")
 
 
 def _transfer(address: str, wanted: Wanted, part: Path, progress: Progress | None) -> None:
@@ -107,20 +160,35 @@ def _transfer(address: str, wanted: Wanted, part: Path, progress: Progress | Non
             return
         except _EndedEarlyError as early:
             if attempt == ATTEMPTS or (attempt > 1 and not early.came):
-                raise SlambedError(f"{address}: {early}") from early
+                raise environment_error(f"{shown(address)}: {early}") from early
             time.sleep(PAUSE_S)
-        except (urllib.error.URLError, ValueError, http.client.HTTPException) as refused:
+        except (*_LOST, urllib.error.URLError, ValueError, http.client.HTTPException) as refused:
             # A refusal is final; a lost connection may be temporary.
             final = isinstance(refused, urllib.error.HTTPError | ValueError)
             if final or attempt == ATTEMPTS or _is_no_place(refused):
-                raise SlambedError(f"{address}: {refused}") from refused
+                raise _refusal(address, refused) from refused
             time.sleep(PAUSE_S)
 
 
 def _is_no_place(refused: Exception) -> bool:
     """Returns whether the address is invalid: unknown host or file, or connection refused."""
-    reason = getattr(refused, "reason", None)
-    return not isinstance(reason, TimeoutError | ConnectionResetError)
+    return not isinstance(getattr(refused, "reason", refused), _LOST)
+
+
+def _refusal(address: str, refused: Exception) -> SlambedError:
+    line = f"{shown(address)}: {_reason(refused)}"
+    if _is_local(address):
+        return SlambedError(f"{line}; name a file that can be read")
+    return environment_error(line)
+
+
+def _reason(refused: Exception) -> str:
+    """Returns why, without the number and the brackets that Python puts around it."""
+    cause: object = refused
+    if type(refused) is urllib.error.URLError:  # an HTTPError tells its number itself
+        is_text = isinstance(refused.reason, str)  # of ftp it is the code of its cause
+        cause = (is_text and refused.__cause__) or refused.reason
+    return getattr(cause, "strerror", None) or str(cause) or type(cause).__name__
 
 
 def _once(address: str, wanted: Wanted, part: Path, progress: Progress | None) -> None:
@@ -150,11 +218,16 @@ def _once(address: str, wanted: Wanted, part: Path, progress: Progress | None) -
         with part.open("ab") as file:
             came = _copy(answer, file, begin, total or wanted.size_bytes or 0, progress)
     whole = wanted.size_bytes or total
-    if whole and begin + came < whole:
-        raise _EndedEarlyError(f"it ended after {begin + came} of {whole} bytes", came)
-    if whole and begin + came > whole:
+    size = begin + came
+    if not whole or size == whole:
+        return
+    if _is_local(address):
         forget(part)
-        raise SlambedError(f"{address}: {begin + came} bytes came, not {whole}")
+        raise SlambedError(f"{address}: has {size} bytes, not {whole}; correct size_bytes")
+    if size < whole:
+        raise _EndedEarlyError(f"it ended after {size} of {whole} bytes", came)
+    forget(part)
+    raise environment_error(f"{shown(address)}: {size} bytes came, not {whole}")
 
 
 def _copy(answer: Any, file: IO[bytes], begin: int, total: int, progress: Progress | None) -> int:
@@ -164,7 +237,7 @@ def _copy(answer: Any, file: IO[bytes], begin: int, total: int, progress: Progre
             chunk = answer.read(CHUNK_BYTES)
         except (OSError, http.client.HTTPException) as cut:
             file.flush()
-            raise _EndedEarlyError(f"the connection was cut ({cut})", came) from cut
+            raise _EndedEarlyError(f"the connection was cut ({_reason(cut)})", came) from cut
         if not chunk:
             return came
         file.write(chunk)
@@ -186,7 +259,7 @@ def _usable(part: Path, address: str, wanted: Wanted) -> int:
     if not part.is_file():
         return 0
     if wanted.sha256 is None:
-        from_address = _origin(part)[0] == address
+        from_address = _origin(part)[0] == shown(address)
         return part.stat().st_size if from_address and _validator(part) else 0
     return part.stat().st_size
 
@@ -208,7 +281,7 @@ def _remember(part: Path, address: str, answer: Any) -> None:
     tag = answer.headers.get("ETag", "")
     # A weak ETag guarantees equivalent content, but not identical bytes (RFC 9110, 8.8.1).
     validator = tag if tag and not tag.startswith("W/") else answer.headers.get("Last-Modified", "")
-    part.with_suffix(ORIGIN).write_text(f"{address}\n{validator}\n")
+    part.with_suffix(ORIGIN).write_text(f"{shown(address)}\n{validator}\n")
 
 
 def forget(part: Path) -> None:

@@ -10,7 +10,7 @@ from pathlib import Path
 
 from slambed.errors import SlambedError, environment_error
 from slambed.files.atomic import lock_file
-from slambed.files.outputs import make_folder
+from slambed.files.outputs import at_home, make_folder, resolved
 from slambed.native import cache_folder as cache_folder
 from slambed.native import is_installed, repository_root
 
@@ -36,7 +36,7 @@ def search_path() -> list[Path]:
 
     With SLAMBED_DATA_BESIDE=no the folder next to the checkout is skipped; tests set this.
     """
-    configured = [Path(p).expanduser() for p in os.environ.get("SLAMBED_DATA", "").split(":") if p]
+    configured = [at_home(p) for p in os.environ.get("SLAMBED_DATA", "").split(":") if p]
     root = repository_root()
     own = [] if is_installed() else [root / "data"]
     if own and os.environ.get("SLAMBED_DATA_BESIDE") != "no":
@@ -53,7 +53,7 @@ def search_path() -> list[Path]:
 def dataset_folders() -> list[Path]:
     """Returns the user's folders of dataset files: $SLAMBED_DATASETS (colon list)."""
     folders = os.environ.get(DATASETS_VARIABLE, "").split(os.pathsep)
-    return [Path(part).expanduser().resolve() for part in folders if part]
+    return [resolved(at_home(part)) for part in folders if part]
 
 
 def is_open(folder: Path) -> bool:

@@ -7,7 +7,7 @@ import hashlib
 import json
 import os
 from pathlib import Path, PurePosixPath
-from typing import Any, Literal, Self, get_args
+from typing import Annotated, Any, Literal, Self, get_args
 
 import numpy as np
 from pydantic import (
@@ -22,10 +22,16 @@ from pydantic import (
 from slambed.data.lens import PLAIN_COUNT, Lens, coefficients_of, model_of
 from slambed.data.model import LARGEST_SIDE, Camera, Sensor
 from slambed.errors import SlambedError
-from slambed.files.names import Id, Sha256
+from slambed.files.names import Id, Name, Sha256
+from slambed.files.outputs import at_home
+from slambed.files.yaml_source import MisplacedError, matching
 from slambed.older_names import RECIPES, keys_today
 
 UNVERIFIED = "unverified here"
+LARGEST_COEFFICIENT = 1000.0
+"""Of a distortion; strong lenses have up to a few tens."""
+LARGEST_ASPECT = 10.0
+"""Ratio of the focal lengths along a row and along a column; about 1, of an anamorphic lens 2."""
 
 
 class _Strict(BaseModel):
@@ -82,6 +88,34 @@ class CameraRecipe(_Strict):
             raise ValueError(str(refused)) from None
         return self
 
+    def must_be_real(self) -> None:
+        """Raises MisplacedError for numbers that no camera has."""
+        if not 1 / LARGEST_ASPECT <= self.fx / self.fy <= LARGEST_ASPECT:
+            what = f"is {self.fx:g}, but fy {self.fy:g} (real ones are about equal)"
+            raise MisplacedError(f"{what}; correct the calibration", ("fx",))
+        largest = max(self.distortion, key=abs, default=0.0)
+        if abs(largest) > LARGEST_COEFFICIENT:
+            what = f"no lens has a coefficient of {largest:g}"
+            raise MisplacedError(f"{what}; correct the calibration", ("distortion",))
+        if self._mirrors():
+            what = "with these numbers points in the picture would change sides"
+            raise MisplacedError(f"{what}; correct the calibration", ("distortion",))
+
+    def _mirrors(self) -> bool:
+        """Whether the radial distortion turns to the other side before the nearest edge of the
+        picture. A real lens does not: where it bends inwards, a point at the edge is even further
+        outside without the distortion."""
+        lens = self.lens()
+        if lens.model == "equidistant":
+            return False
+        k1, k2, _, _, k3, k4, k5, k6 = [*lens.coefficients, *[0.0] * 8][:8]
+        edge = min(self.width / self.fx, self.height / self.fy) / 2
+        with np.errstate(all="ignore"):  # an absurd focal length makes infinite squares
+            r2 = np.linspace(0, edge, 50) ** 2
+            above = 1 + r2 * (k1 + r2 * (k2 + r2 * k3))
+            below = 1 + r2 * (k4 + r2 * (k5 + r2 * k6))
+            return bool(((above <= 0) | (below <= 0)).any())
+
     def lens(self) -> Lens:
         """Returns the lens model of the source images."""
         model = model_of(self.distortion_model, "distortion_model")
@@ -111,6 +145,14 @@ class DatasetPlayback(_Strict):
     """Sequence time of the first played frame."""
     end_s: float | None = Field(default=None, gt=0)
     """Sequence time at which playback ends; null plays to the end."""
+
+    @model_validator(mode="after")
+    def _has_length(self) -> Self:
+        if self.end_s is not None and self.end_s <= self.start_s:
+            raise MisplacedError(
+                f"{self.end_s:g} is not after start_s {self.start_s:g}", ("end_s",)
+            )
+        return self
 
 
 class Download(_Strict):
@@ -151,52 +193,67 @@ class Synthetic(_Strict):
     )
     seconds: float | None = Field(default=None, gt=0)
     """Length; null takes the whole path."""
-    seed: int = 1
+    seed: int = Field(default=1, ge=0)
     """Of scene, path and noise."""
-    motion_blur_s: float | None = Field(default=None, ge=0)
-    """Exposure time, at most 0.1."""
-    noise: float | None = Field(default=None, ge=0)
-    """Standard deviation of the gray values, at most 50."""
-    depth_noise: float | None = Field(default=None, ge=0)
+    motion_blur_s: float | None = Field(default=None, ge=0, le=0.1)
+    """Exposure time."""
+    noise: float | None = Field(default=None, ge=0, le=50)
+    """Standard deviation of the gray values."""
+    depth_noise: float | None = Field(default=None, ge=0, le=20)
     """Depth noise; 1 is a Kinect's."""
     depth_holes: float | None = Field(default=None, ge=0, le=1)
     """Share of the depth that is lost in patches."""
     max_depth_m: float | None = Field(default=None, ge=0.5, le=13)
     """No depth beyond this distance."""
-    moving_objects: int | None = Field(default=None, ge=0)
-    """Walking figures in a room, oncoming cars in a street; at most 20."""
+    moving_objects: int | None = Field(default=None, ge=0, le=20)
+    """Walking figures in a room, oncoming cars in a street."""
     width: int | None = Field(default=None, ge=32)
     """Of the pictures, in pixels."""
     height: int | None = Field(default=None, ge=32)
     """Of the pictures, in pixels."""
-    texel_scale: float | None = Field(default=None, ge=0.5)
+    texel_scale: float | None = Field(default=None, ge=0.5, le=50)
     """Above 1: coarser textures."""
-    open_stretches: int | None = Field(default=None, ge=0)
-    """Stretches of a street with nothing near the road, at most 20."""
-    focal_error: float | None = None
-    """The calibration's focal length is the true one times 1 + this; -0.03 to 0.03."""
-    distortion: float | None = None
-    """Lens distortion left over: a ray's slope times 1 + this r^2; -0.05 to 0.05."""
-    right_yaw_deg: float | None = None
-    """Turn of the right camera to the side, -0.1 to 0.1."""
-    right_pitch_deg: float | None = None
-    """Turn of the right camera up or down, -0.1 to 0.1."""
-    right_roll_deg: float | None = None
-    """Turn of the right camera about its axis, -0.1 to 0.1."""
-    readout_s: float | None = Field(default=None, ge=0)
-    """Rolling shutter: time from the first row to the last, at most 0.05."""
-    exposure_wander: float | None = Field(default=None, ge=0)
-    """Share by which the brightness wanders, at most 0.4."""
-    people: int | None = Field(default=None, ge=0)
-    """Persons with moving limbs in a room, at most 12."""
+    open_stretches: int | None = Field(default=None, ge=0, le=20)
+    """Stretches of a street with nothing near the road."""
+    focal_error: float | None = Field(default=None, ge=-0.03, le=0.03)
+    """The calibration's focal length is the true one times 1 + this."""
+    distortion: float | None = Field(default=None, ge=-0.05, le=0.05)
+    """Lens distortion left over: a ray's slope times 1 + this r^2."""
+    right_yaw_deg: float | None = Field(default=None, ge=-0.1, le=0.1)
+    """Turn of the right camera to the side."""
+    right_pitch_deg: float | None = Field(default=None, ge=-0.1, le=0.1)
+    """Turn of the right camera up or down."""
+    right_roll_deg: float | None = Field(default=None, ge=-0.1, le=0.1)
+    """Turn of the right camera about its axis."""
+    readout_s: float | None = Field(default=None, ge=0, le=0.05)
+    """Rolling shutter: time from the first row to the last."""
+    exposure_wander: float | None = Field(default=None, ge=0, le=0.4)
+    """Share by which the brightness wanders."""
+    people: int | None = Field(default=None, ge=0, le=12)
+    """Persons with moving limbs in a room."""
     activity: Literal["walking", "crossing", "sitting", "mixed"] | None = None
     """What the persons do."""
-    labels: bool | None = None
+    labels: bool | None = Field(default=None, strict=True)
     """Whether labels.bin with the true masks and key points is written."""
     blackout_start_s: float | None = Field(default=None, ge=0)
     """Sequence time at which the lens is covered."""
     blackout_end_s: float | None = Field(default=None, ge=0)
     """Sequence time at which it is free again."""
+
+    @model_validator(mode="after")
+    def _has_effect(self) -> Self:
+        if self.activity is not None and not self.people:
+            raise MisplacedError("is of people, and there are none; say people: 2", ("activity",))
+        start_s, end_s = self.blackout_start_s, self.blackout_end_s
+        if start_s is not None and end_s is None:
+            raise MisplacedError(
+                "without blackout_end_s the lens is never covered; say both", ("blackout_start_s",)
+            )
+        if start_s is not None and end_s is not None and end_s <= start_s:
+            raise MisplacedError(
+                f"{end_s:g} is not after blackout_start_s {start_s:g}", ("blackout_end_s",)
+            )
+        return self
 
     @property
     def path_file(self) -> str | None:
@@ -216,10 +273,29 @@ def split_pattern(pattern: str) -> tuple[Path | None, str]:
     """Splits a pattern of `paths` into its start folder and the part for glob(). The folder is
     None for a relative pattern, which applies to every folder of the search path; absolute
     patterns may start with `~`."""
-    path = Path(pattern).expanduser()
+    path = at_home(pattern)
     if not path.is_absolute():
         return None, pattern
     return Path(path.anchor), str(path.relative_to(path.anchor))
+
+
+Other = Annotated[
+    str,
+    *matching(
+        r"^([^./\x00-\x1f][^/\x00-\x1f]*|[^\x00-\x1f]+\.ya?ml)$",
+        "the name of a dataset, or of a .yaml file",
+    ),
+]
+"""Another dataset."""
+_OF_THE_SOURCE = (
+    "paths", "camera", "depth_unit_m", "close_depth_baselines", "fps", "groundtruth",
+    "reader_options", "download",
+)  # fmt: skip
+_USELESS_BESIDE = {
+    "window_of": _OF_THE_SOURCE,
+    "first_of": (*_OF_THE_SOURCE, "sensor", "playback", "prior_map", "reference"),
+}
+"""Origin -> keys that only the dataset that it names can have."""
 
 
 class Dataset(_Strict):
@@ -230,7 +306,7 @@ class Dataset(_Strict):
     """Name of the sequence, as of the file or of its folder."""
     title: str
     """One line for lists and reports."""
-    aliases: tuple[str, ...] = ()
+    aliases: tuple[Name, ...] = ()
     """Further names of the sequence."""
     sensor: Sensor = "rgbd"
     """What a frame holds."""
@@ -261,9 +337,9 @@ class Dataset(_Strict):
     """What a reader must know."""
     synthetic: Synthetic | None = None
     """Options of the generator, instead of `reader`."""
-    first_of: tuple[str, ...] = ()
+    first_of: tuple[Other, ...] = ()
     """Other datasets: the first one that is on this machine is played."""
-    window_of: str | None = None
+    window_of: Other | None = None
     """The dataset of which `playback` selects a part, without a copy."""
     prior_map: str | None = None
     """Prepared input used for parameters with the value `dataset` (docs/reference/input.md)."""
@@ -291,6 +367,20 @@ class Dataset(_Strict):
                 raise ValueError(f"'{pattern}' is no pattern of a path ({refused})") from None
         return value
 
+    @field_validator("camera")
+    @classmethod
+    def _is_real(cls, value: CameraRecipe | None) -> CameraRecipe | None:
+        if value is not None:
+            value.must_be_real()
+        return value
+
+    @field_validator("aliases")
+    @classmethod
+    def _differ(cls, value: tuple[str, ...]) -> tuple[str, ...]:
+        if twice := [name for name in value if value.count(name) > 1]:
+            raise ValueError(f"'{twice[0]}' is given twice; remove one")
+        return value
+
     @model_validator(mode="after")
     def _one_origin(self) -> Self:
         origins = [self.reader, self.synthetic, self.first_of, self.window_of]
@@ -307,6 +397,17 @@ class Dataset(_Strict):
             )
         if self.synthetic and self.camera is not None:
             raise ValueError("camera belongs to recorded sequences; the generator has its own")
+        return self
+
+    @model_validator(mode="after")
+    def _nothing_useless(self) -> Self:
+        for origin, useless in _USELESS_BESIDE.items():
+            if not getattr(self, origin):
+                continue
+            for key in useless:
+                if key in self.model_fields_set and getattr(self, key):
+                    whose = f"means nothing beside {origin}, which names a dataset with its own"
+                    raise MisplacedError(f"{whose}; remove it", (key,))
         return self
 
     def content_key(self) -> str:

@@ -4,6 +4,8 @@
 import re
 from typing import Annotated
 
+from pydantic import StringConstraints
+
 from slambed.files.yaml_source import Location, MisplacedError, in_words, matching
 
 _WORD_PATTERN = r"^[A-Za-z_][A-Za-z0-9_]*$"
@@ -28,7 +30,11 @@ Address = Annotated[
     str, *matching(r"^[^-\s]\S*$", "an address without blanks that does not begin with '-'")
 ]
 """Of a machine, for ssh."""
-Sha256 = Annotated[str, *matching(r"^[0-9a-f]{64}$", "64 hexadecimal digits")]
+Sha256 = Annotated[
+    str,
+    StringConstraints(to_lower=True),
+    *matching(r"^[0-9a-f]{64}$", "64 hexadecimal digits"),
+]
 """Digest of a file."""
 
 

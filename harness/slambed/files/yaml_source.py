@@ -4,6 +4,7 @@
 import re
 import types
 from dataclasses import dataclass, field
+from datetime import date
 from functools import lru_cache
 from pathlib import Path
 from typing import Any, TypeVar, Union, get_args, get_origin
@@ -124,7 +125,7 @@ def _construct(
             line = key_node.start_mark.line + 1
             if not isinstance(key, str | int | float) or isinstance(key, bool):
                 # YAML 1.1 reads an unquoted `on` or `no` as true/false.
-                raise SlambedError(f"key {key!r} is not text (quote it), {where} line {line}")
+                raise SlambedError(f"a key is {_key_in_words(key)}, {where} line {line}")
             lines[(*location, key)] = line
             mapping[key] = _construct(loader, value_node, (*location, key), lines, where)
         return mapping
@@ -256,6 +257,10 @@ def in_words(value: object) -> str:
         return {None: "null", True: "true", False: "false"}[value]
     if isinstance(value, dict):
         return "a mapping"
+    if isinstance(value, date):
+        return f"the date {value} (quote it)"
+    if isinstance(value, bytes):
+        return "binary data"
     if isinstance(value, str) and (power := _POWER_OF_TEN.fullmatch(value)):
         whole, fraction, sign, exponent = power.groups()
         number = f"{whole}.{fraction or 0}e{sign or '+'}{exponent}"
@@ -263,6 +268,12 @@ def in_words(value: object) -> str:
     if isinstance(value, str) and _DECIMAL_COMMA.fullmatch(value):
         return f"the text {value!r} (write a decimal point)"
     return "a list" if isinstance(value, list) else repr(value)
+
+
+def _key_in_words(key: object) -> str:
+    """Formats a key that is no text for a complaint."""
+    words = in_words(key)
+    return words if isinstance(key, list | dict | date) else f"{words} (quote it)"
 
 
 def _fields_at(model: type[BaseModel], location: Location) -> list[str]:

@@ -4,9 +4,11 @@ Windows."""
 
 from __future__ import annotations
 
+import math
 import re
 from dataclasses import dataclass
 from datetime import UTC, datetime
+from itertools import pairwise
 
 _NUMBER = r"(\d+(?:[.,]\d+)?)"
 # Matches `icmp_seq=7 ttl=57 time=11,3 ms`. Words differ between languages, their order does not.
@@ -16,20 +18,25 @@ _FPING = re.compile(rf":\s*\[(\d+)\],\s+(?:\d+ bytes,\s+)?{_NUMBER}\s+(ms)\b")
 # Matches `time=12ms TTL=57` and `time<1ms`. IPv6 has no TTL; the statistics lines have a blank
 # after `=`.
 _WINDOWS = re.compile(rf"\s[^\s=<]+\s?[=<]{_NUMBER}\s?([^\W\d]+)(?:\s+TTL=\d+)?\s*$", re.I)
-_CLOCK = r"\d\d:\d\d:\d\d(?:\.\d{1,6})?"
+_CLOCK = r"\d\d:\d\d:\d\d(?:[.,]\d{1,6})?"
 # Matches the stamps of `ping -D` and `fping -D`, those of `ping --apple-time`, those of
 # `ping | ts` in its forms, of syslog, and dates, in brackets or not.
 _STAMP = re.compile(
-    r"\s*\[?(?:(?P<s>\d+(?:\.\d+)?)\]|(?P<bare>\d{9,10}(?:\.\d+)?|\d+\.\d{3,})\s"
+    r"\s*\[?(?:\s*(?P<s>\d+(?:[.,]\d+)?)\]|(?P<bare>\d{9,10}(?:\.\d+)?|\d+\.\d{3,})\s"
     rf"|(?P<date>\d{{4}}-\d\d-\d\d[T ]{_CLOCK})\D"
     rf"|(?P<month>[A-Z][a-z]{{2}}) +(?P<day>\d{{1,2}}) (?P<of_day>{_CLOCK})\s"
     rf"|(?P<clock>{_CLOCK})\]?\s)"
 )
-# Matches `time=-8ms`, which Windows writes when its clock was set, and `time=nan ms`.
+# Matches `time=-8ms`, which Windows writes when its clock was set, `time=nan ms` and
+# `time=1,234.5 ms`.
 _NO_LATENCY = re.compile(
-    r"[=<]\s*(?:-\s?\d[\d.,]*|nan|inf|\d[\d.,]*e[+-]?\d+)\s*(?:ms|s|us|[µμ]s)\b", re.I
+    r"[=<]\s*(?:-\s?\d[\d.,]*|nan|inf|\d[\d.,]*e[+-]?\d+|\d[\d,]*,\d+\.\d+)\s*(?:ms|s|us|[µμ]s)\b",
+    re.I,
 )
+# Matches who replied: the last word before `: icmp_seq=`.
+_REPLIED = re.compile(r"(\S+):\s+\S*$")
 _DAY_S = 86_400.0
+_LEAP_YEAR_S = 366 * _DAY_S
 _MONTHS = ("Jan", "Feb", "Mar", "Apr", "May", "Jun", "Jul", "Aug", "Sep", "Oct", "Nov", "Dec")
 _MS_PER = {"s": 1e3, "sec": 1e3, "us": 1e-3, "usec": 1e-3, "µs": 1e-3, "μs": 1e-3}
 #: Sequence numbers have 16 bits.
@@ -75,11 +82,25 @@ def read_ping(lines: list[str]) -> PingLog:
 
 _UNKNOWN = "its lines begin with a time of an unknown form"
 _WHOLE_SECONDS = "its stamps are whole seconds, with several replies in one"
+_DIFFERENCES = "its stamps fall nearly as often as they rise, like the differences of 'ts -i'"
+
+
+@dataclass(frozen=True)
+class _Stamp:
+    """A time in s since 1970, the begin of a year or of a day, or whatever the log counts from."""
+
+    s: float
+    period_s: float = math.inf
+    """When it begins again, of a date without a year or a time without a date."""
 
 
 def _begins_with_a_clock(line: str) -> bool:
-    """Returns whether a time of day stands before the size of the reply, `64 bytes from`, or its
-    first word."""
+    """Returns whether a time of day, or a number, stands before the size of the reply, `64 bytes
+    from`, or a time of day before its first word."""
+    words = line.split(maxsplit=4)
+    # 1795651784400 64 bytes from
+    if len(words) > 3 and any(map(str.isdigit, words[0])) and words[1].isdigit():
+        return words[2].isalpha()
     head = re.match(r"(.*?)\d+ [^\W\d]+ [^\W\d]+ |([^A-Za-z]*)", line)
     before = (head[1] or head[2] or "") if head is not None else ""
     return re.search(r"\d:\d\d", before) is not None
@@ -88,22 +109,26 @@ def _begins_with_a_clock(line: str) -> bool:
 def _unix(replies: list[tuple[str, re.Match[str]]]) -> PingLog:
     """Unwraps sequence numbers; the first reply of a duplicate counts. If most lines have
     timestamps, the send time is the timestamp minus the RTT, and the others are left out."""
-    stamps = [_stamp_s(line) for line, _ in replies]
+    _must_be_one_host(replies)
+    stamps = [_stamp(line) for line, _ in replies]
     # A log may begin or end in the middle of a line.
     is_stamped = 2 * stamps.count(None) < len(stamps)
     unread = ""
     if not is_stamped and 2 * sum(_begins_with_a_clock(line) for line, _ in replies) > len(replies):
         unread = _UNKNOWN
     known = [
-        stamp
+        stamp.s
         for (line, _), stamp in zip(replies, stamps, strict=True)
         if stamp is not None and not _is_duplicate(line)
     ]
+    falls = sum(later < earlier for earlier, later in pairwise(known))
+    if is_stamped and falls > 2 and 4 * falls > len(known):
+        is_stamped, unread = False, _DIFFERENCES
     if is_stamped and len({*known}) < len(known) and all(stamp == int(stamp) for stamp in known):
         is_stamped, unread = False, _WHOLE_SECONDS
     echoes: dict[int, Echo] = {}
     number = int(replies[0][1][1])
-    previous: float | None = None
+    begin_s, previous_s = 0.0, -math.inf
     for (line, found), stamp in zip(replies, stamps, strict=True):
         if is_stamped and stamp is None:
             continue
@@ -113,12 +138,13 @@ def _unix(replies: list[tuple[str, re.Match[str]]]) -> PingLog:
                 raise ValueError(f"icmp_seq {found[1]} comes again, not as a duplicate")
             continue
         rtt_ms = _ms(found[2], found[3])
-        if stamp is not None and previous is not None:
-            # Of times of day alone: a date that falls by so much is a clock that was set.
-            is_past_midnight = stamp < _DAY_S and stamp < previous - _DAY_S / 2
-            stamp += _DAY_S if is_past_midnight else 0.0
-        previous = stamp if stamp is not None else previous
-        sent = stamp - 1e-3 * rtt_ms if is_stamped and stamp is not None else float(number)
+        sent = float(number)
+        if is_stamped and stamp is not None:
+            # A date with its year that falls by so much is a clock that was set.
+            if begin_s + stamp.s < previous_s - stamp.period_s / 2:
+                begin_s += stamp.period_s
+            previous_s = begin_s + stamp.s
+            sent = previous_s - 1e-3 * rtt_ms
         echoes[number] = Echo(sent, rtt_ms)
     return PingLog([echoes[key] for key in sorted(echoes)], is_stamped, unread)
 
@@ -128,23 +154,39 @@ def _is_duplicate(line: str) -> bool:
     return line.rstrip().endswith("!)")
 
 
-def _stamp_s(line: str) -> float | None:
-    """Returns the time at the begin of a line; None if there is none. It is in s since 1970, the
-    begin of a year or of a day, or whatever the log counts from."""
+def _must_be_one_host(replies: list[tuple[str, re.Match[str]]]) -> None:
+    """Raises ValueError for replies of several hosts; a multicast has all but one as duplicates."""
+    hosts = [
+        host[1].strip("()")
+        for line, found in replies
+        if not _is_duplicate(line) and (host := _REPLIED.search(line[: found.start()])) is not None
+    ]
+    if len(several := list(dict.fromkeys(hosts))) > 1:
+        raise ValueError(f"replies of {several[0]} and of {several[1]}")
+
+
+def _stamp(line: str) -> _Stamp | None:
+    """Returns the time at the begin of a line; None if there is none. Where there are two, as of
+    `ping -D | ts`, the second one is ping's own."""
     if (found := _STAMP.match(line)) is None:
         return None
+    return _stamp(line[found.end() :]) or _read_stamp(found)
+
+
+def _read_stamp(found: re.Match[str]) -> _Stamp | None:
     if (number := found["s"] or found["bare"]) is not None:
-        return float(number)
-    date = found["date"]
+        return _Stamp(float(number.replace(",", ".")))
+    date, period_s = found["date"], math.inf
     if (clock := found["clock"]) is not None:
-        date = f"1970-01-01 {clock}"
+        date, period_s = f"1970-01-01 {clock}", _DAY_S
     elif (month := found["month"]) is not None:
         if month not in _MONTHS:
             return None
         # A leap year, as any day may be meant.
         date = f"1972-{_MONTHS.index(month) + 1:02}-{int(found['day']):02} {found['of_day']}"
+        period_s = _LEAP_YEAR_S
     try:
-        return datetime.fromisoformat(date).replace(tzinfo=UTC).timestamp()
+        return _Stamp(datetime.fromisoformat(date).replace(tzinfo=UTC).timestamp(), period_s)
     except ValueError:
         return None
 

@@ -34,7 +34,16 @@ _PING_INTERVAL_S = 1.0
 _UNITS_S = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
 
 
-_UNIT_OF_NAME = re.compile(r"[ _\[(](s|ms|us|ns)[\])]?$")
+_WORD_OF_NAME = re.compile(r"[^\W\d_]+?(?=[\W\d_]|$|(?<=[a-z])[A-Z])")
+_UNITS_OF_NAMES = {
+    "s": ("s", "sec", "secs", "second", "seconds"),
+    "ms": ("ms", "msec", "msecs", "millis", "millisecond", "milliseconds"),
+    "us": ("us", "µs", "μs", "usec", "usecs", "micros", "microsecond", "microseconds"),
+    "ns": ("ns", "nsec", "nsecs", "nanos", "nanosecond", "nanoseconds"),
+}
+"""Unit -> last word of the name of a column in it: `rtt_us`, `rtt (µs)`, `rttSec`."""
+_SHORTEST_STEP_S = 1e-5
+"""Nobody measures RTTs more often."""
 _SEPARATOR_LINE = re.compile(r"sep=(.)", re.I)
 _WORD = re.compile(r'"[^"]*"|\S+')
 
@@ -180,8 +189,6 @@ def _from_zero(
 
 
 def _check(path: Path, times: np.ndarray, values: np.ndarray, description: TraceFile) -> None:
-    if (bad := np.flatnonzero(~np.isfinite(values))).size:
-        raise SlambedError(f"RTT is not a number at {times[bad[0]]:.3f} s, {path}; clean the file")
     if (bad := np.flatnonzero(values < 0)).size:
         place = f"{values[bad[0]]:g} ms at {times[bad[0]]:.3f} s"
         raise SlambedError(f"negative latency {place}, {path}; clean the file")
@@ -189,12 +196,25 @@ def _check(path: Path, times: np.ndarray, values: np.ndarray, description: Trace
     if (bad := np.flatnonzero(steps <= 0)).size:
         at, step = times[bad[0]], steps[bad[0]]
         found = "two samples have the same time" if step == 0 else f"time goes back by {-step:g} s"
-        raise SlambedError(f"{found} at {at:.3f} s, {path}; sort the file or remove the line")
+        advice = "sort the file or remove the line"
+        if 2 * np.count_nonzero(steps == 0) > len(steps):
+            advice = "most samples share one; give times with decimals"
+        raise SlambedError(f"{found} at {at:.3f} s, {path}; {advice}")
+    if steps.size and (usual := float(np.median(steps))) < _SHORTEST_STEP_S:
+        raise SlambedError(
+            f"samples are {usual:g} s apart by time_unit ({description.time_unit}), {path}; "
+            "correct it, and write days of a spreadsheet in seconds"
+        )
     longest_s = _longest_gap_s(steps, description)
     if (bad := np.flatnonzero(steps > longest_s)).size:
         start = times[bad[0]] + description.start_s
         is_ping = description.format == "ping"
         unit = "ping_interval_s" if is_ping else f"time_unit ({description.time_unit})"
+        if float(np.min(steps)) > longest_s:
+            raise SlambedError(
+                f"samples are {np.median(steps):g} s apart, {path}; correct {unit}, or raise "
+                f"max_gap_s ({longest_s:g} s) if that is true"
+            )
         raise SlambedError(
             f"gap of {steps[bad[0]]:.1f} s in the trace at {start:.1f} s, longer than "
             f"{longest_s:g} s, {path}; choose another window (start_s, length_s), raise max_gap_s "
@@ -221,6 +241,9 @@ def _read_columns(path: Path, description: TraceFile) -> tuple[np.ndarray, np.nd
     for name, unit_key in ((description.time, "time_unit"), (description.rtt, "rtt_unit")):
         if name not in header:
             advice = suggestion(name, header)
+            if all(map(_is_number, header)):
+                names = f"{description.time},{description.rtt}"
+                advice = f"the first line has no names; write '{names}' above it"
             with suppress(ValueError):
                 if read_ping(lines).echoes:
                     advice = "is it a log of ping? Say 'format: ping'"
@@ -243,10 +266,12 @@ def _read_columns(path: Path, description: TraceFile) -> tuple[np.ndarray, np.nd
             found = ", ".join(row)[:60]
             raise SlambedError(
                 f"not a time and a number but '{found}', {path} line {number}; correct or remove "
-                "the line (decimals have a point)"
+                "the line (decimals have a point, times are numbers or dates such as "
+                "2026-11-26T17:15:30.250Z)"
             ) from None
-        if not math.isfinite(times[-1]):
-            raise SlambedError(f"time is not a number, {path} line {number}; clean the file")
+        for what, value in (("time", times[-1]), ("RTT", values[-1])):
+            if not math.isfinite(value):
+                raise SlambedError(f"{what} is not a number, {path} line {number}; clean the file")
     to_ms = _UNITS_S[description.rtt_unit] / _UNITS_S["ms"]
     # Subtracted before scaling: epoch milliseconds with 13 digits keep their precision.
     start = times[0] if times else 0.0
@@ -257,13 +282,30 @@ def _read_columns(path: Path, description: TraceFile) -> tuple[np.ndarray, np.nd
 def _check_unit(name: str, key: str, description: TraceFile, path: Path) -> None:
     """Raises SlambedError for a column whose name has another unit than the default, if the profile
     does not say the unit."""
-    named = _UNIT_OF_NAME.search(name)
+    named = _unit_of(name)
     unit = str(getattr(description, key))
-    if named is not None and named[1] != unit and key not in description.model_fields_set:
+    if named is not None and named != unit and key not in description.model_fields_set:
         raise SlambedError(
-            f"column '{name}' is in {named[1]} by its name, and {key} is {unit}, {path}; say "
-            f"'{key}: {named[1]}', or '{key}: {unit}' if the name is wrong"
+            f"column '{name}' is in {named} by its name, and {key} is {unit}, {path}; say "
+            f"'{key}: {named}', or '{key}: {unit}' if the name is wrong"
         )
+
+
+def _unit_of(name: str) -> str | None:
+    """Returns the unit that the last word of a column's name says."""
+    words = _WORD_OF_NAME.findall(name)
+    if len(words) < 2:
+        return None
+    last = words[-1].lower()
+    return next((unit for unit, called in _UNITS_OF_NAMES.items() if last in called), None)
+
+
+def _is_number(text: str) -> bool:
+    try:
+        float(text)
+    except ValueError:
+        return False
+    return True
 
 
 def _time_of(text: str, unit: str) -> float:
@@ -290,11 +332,11 @@ def _with_header(lines: list[str], names: set[str]) -> list[str]:
 def _split(lines: list[str]) -> list[tuple[int, list[str]]]:
     """Returns number (from 1) and fields of each non-empty line."""
     written = [(n, line) for n, line in enumerate(lines, 1) if line.strip() and line[0] != "#"]
+    separators = [";", ",", "\t"]
     if written and (asked := _SEPARATOR_LINE.fullmatch(written[0][1].strip())) is not None:
-        separators = [asked[1]]  # Excel's first line
+        separators.insert(0, asked[1])  # Excel's first line, which may be that of another file
         del written[0]
-    else:
-        separators = [mark for mark in (";", ",", "\t") if written and mark in written[0][1]]
+    separators = [mark for mark in separators if written and mark in written[0][1]]
     if not separators:
         return [(n, [word.strip('"') for word in _WORD.findall(line)]) for n, line in written]
     rows = [(n, row) for n, line in written for row in csv.reader([line], delimiter=separators[0])]
@@ -340,7 +382,7 @@ def read_rate_trace(name: str, near: Path | None) -> list[int]:
             raise SlambedError(
                 f"'{line[:20]}' is not a whole number of milliseconds, {path} line {number}"
             ) from None
-        if not opportunities and time_ms > _LATEST_START_MS:
+        if not opportunities and _LONGEST_RATE_MS >= time_ms > _LATEST_START_MS:
             raise SlambedError(
                 f"the first packet is at {time_ms / 1e3:g} s, {path} line {number}; give "
                 "milliseconds from the start of the trace"

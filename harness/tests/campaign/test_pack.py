@@ -2,6 +2,7 @@
 """Packed runs: content of the file, and the results folder after unpacking."""
 
 import json
+import os
 import tarfile
 from pathlib import Path
 
@@ -13,6 +14,7 @@ from harness_parts import specs
 
 from slambed.campaign.folder import ResultFolder
 from slambed.campaign.status import status_of
+from slambed.campaign.store import STORE
 from slambed.errors import ExitCode
 from slambed.metrics.collect import events_file, is_stored, stored_log
 from slambed.spec.run_spec import RunSpec
@@ -143,12 +145,29 @@ def test_what_is_there_and_valid_stays(packed: Path, tmp_path: Path) -> None:
     assert (here / "tiny" / "groundtruth" / "hall.txt").read_text() == "mine\n"
 
 
+def test_the_runs_that_a_torn_file_has_are_counted(tmp_path: Path) -> None:
+    runs = specs(cells=1, runs=2)
+    here, there = tmp_path / "here", tmp_path / "there"
+    experiment(here, "tiny", runs)
+    last = here / STORE / max(run.run_key for run in runs)  # the file is in the order of keys
+    (last / "events.parquet").write_bytes(os.urandom(200_000))
+    file = tmp_path / "tiny.tar.xz"
+    code, _, err = slambed("results", "pack", "tiny", "-o", str(file), "--whole", *of(here))
+    assert code == ExitCode.OK, err
+    file.write_bytes(file.read_bytes()[:-100_000])
+    line = refused(ExitCode.BAD_INPUT, "results", "unpack", str(file), *of(there))
+    kept = list((there / STORE).iterdir())
+    assert f"{len(kept)} of its runs were whole" in line and len(kept) == 1
+
+
 def test_a_torn_file_leaves_no_half_run(packed: Path, tmp_path: Path) -> None:
     torn = tmp_path / "torn.tar.xz"
     torn.write_bytes(packed.read_bytes()[:-200])
     there = tmp_path / "there"
     line = refused(ExitCode.BAD_INPUT, "results", "unpack", str(torn), *of(there))
+    kept = list((there / "runs").iterdir())
     assert "torn.tar.xz is torn" in line
+    assert not kept or f"{len(kept)} of its runs were whole and are kept in {there}" in line
     for run in (there / "runs").iterdir():
         assert json.loads((run / "summary.json").read_bytes())["valid"]
     assert [path.name for path in (there / ".work").iterdir()] == [".lock"]
@@ -195,6 +214,11 @@ def test_what_cannot_be_packed_or_unpacked_is_reported(packed: Path, tmp_path: P
     cut = tmp_path / "cut.tar.xz"
     cut.write_bytes(packed.read_bytes()[:-5])
     assert "cut.tar.xz is torn" in refused(2, "results", "unpack", str(cut), *of(here))
+    plan_alone = tmp_path / "plan.tar.xz"
+    with tarfile.open(packed) as whole, tarfile.open(plan_alone, "w:xz") as out:
+        member = whole.getmember("tiny/experiment.json")
+        out.addfile(member, whole.extractfile(member))
+    assert "has no run in it" in refused(2, "results", "unpack", str(plan_alone), *of(here))
     text = tmp_path / "text.tar.xz"
     text.write_text("not one")
     assert "is torn, or no file" in refused(2, "results", "unpack", str(text), *of(here))

@@ -7,6 +7,7 @@ import threading
 from pathlib import Path
 
 import pytest
+from command_line import slambed
 from data_samples import one_line, tum_recipe, write_prepared, write_tum
 from waiting import in_background
 
@@ -14,6 +15,8 @@ from slambed.data import places
 from slambed.data.catalog import Catalog, in_reading_order, prepare
 from slambed.data.recipe_file import load_recipe
 from slambed.errors import ExitCode, SlambedError
+
+CAMERA = "{{ width: 64, height: 48, fy: 50, cx: 31.5, cy: 23.5, bf: 4, {} }}"
 
 
 @pytest.fixture
@@ -66,8 +69,16 @@ def test_quickstart_takes_what_is_there(tmp_path: Path) -> None:
         ({"playback": "{ fsp: 3 }"}, "did you mean 'fps'?"),
         ({"title": "[1"}, "tiny_tum.yaml line"),
         ({"id": "other"}, "name the file other.yaml"),
+        ({"aliases": "['']"}, "'aliases.0': expected a name of small letters"),
+        ({"aliases": "[a b]"}, "'aliases.0': expected a name of small letters"),
+        ({"aliases": "[a, a]"}, "'a' is given twice"),
+        ({"camera": CAMERA.format("fx: 1.0e+9")}, "'camera.fx': is 1e+09, but fy 50"),
+        ({"camera": CAMERA.format("fx: 4")}, "'camera.fx': is 4, but fy 50"),
+        ({"camera": CAMERA.format("fx: 50, distortion: [1.0e+9, 0, 0, 0]")}, "of 1e+09"),
+        ({"camera": CAMERA.format("fx: 50, distortion: [-5, 0, 0, 0, 0]")}, "change sides"),
+        ({"camera": CAMERA.format("fx: 50, distortion: [0, 0, 0, 0, 0, -5, 0, 0]")}, "change si"),
         ({"12": "3"}, "'12': expected a name, not 12"),
-        ({"on": "3"}, "key True is not text (quote it)"),
+        ({"on": "3"}, "a key is true (quote it)"),
     ],
 )
 def test_bad_dataset_files(tmp_path: Path, extra: dict[str, str], expected: str) -> None:
@@ -76,6 +87,44 @@ def test_bad_dataset_files(tmp_path: Path, extra: dict[str, str], expected: str)
         load_recipe(file)
     assert str(file) in one_line(error)
     assert expected in one_line(error)
+
+
+@pytest.mark.parametrize(
+    "real",
+    [
+        "[0.231222, -0.784899, -0.003257, -0.000105, 0.917205]",  # fr2 of TUM
+        "[-0.28340811, 0.07395907, 0.00019359, 1.76187114e-05]",  # EuRoC
+        "[0.43, -2.65, 0.0007, -0.0003, 1.54, 0.31, -2.48, 1.47]",  # Azure Kinect
+    ],
+)
+def test_real_lenses_are_taken(tmp_path: Path, real: str) -> None:
+    camera = CAMERA.format(f"fx: 50, distortion: {real}")
+    assert load_recipe(tum_recipe(tmp_path, camera=camera)).camera is not None
+
+
+@pytest.mark.parametrize(
+    ("options", "expected"),
+    [
+        ("blackout_start_s: 5, blackout_end_s: 1", "1 is not after blackout_start_s 5"),
+        ("blackout_start_s: 5, blackout_end_s: 5", "5 is not after blackout_start_s 5"),
+        ("blackout_start_s: 5", "without blackout_end_s the lens is never covered"),
+        ("activity: walking", "'synthetic.activity': is of people"),
+        ("activity: walking, people: 0", "'synthetic.activity': is of people"),
+        ("people: 13", "'synthetic.people': input should be less than or equal to 12"),
+        ("noise: 100", "'synthetic.noise': input should be less"),
+        ("focal_error: -0.1", "'synthetic.focal_error': input should be greater"),
+        ("seed: -1", "'synthetic.seed': input should be greater"),
+        ("labels: 2", "'synthetic.labels': expected true or false, not 2"),
+    ],
+)
+def test_bad_options_of_the_generator_have_their_line(
+    tmp_path: Path, options: str, expected: str
+) -> None:
+    file = tmp_path / "gen.yaml"
+    file.write_text(f"id: gen\ntitle: G\nsynthetic: {{ {options} }}\n")
+    with pytest.raises(SlambedError) as error:
+        load_recipe(file)
+    assert expected in one_line(error) and f"{file} line 3" in one_line(error)
 
 
 def test_unknown_key_has_its_line(tmp_path: Path) -> None:
@@ -141,8 +190,37 @@ def test_a_changed_source_or_recipe_is_prepared_anew(home: Path) -> None:
 
 def test_a_prepared_sequence_outlives_its_source(home: Path) -> None:
     first = catalog(home).prepare("tiny_tum", home / "cache")
+    told: list[str] = []
+    assert catalog(home).prepare("tiny_tum", home / "cache", notify=told.append).path == first.path
+    assert not told
     (home / "data/tiny_tum").rename(home / "elsewhere")
-    assert catalog(home).prepare("tiny_tum", home / "cache").path == first.path
+    assert catalog(home).prepare("tiny_tum", home / "cache", notify=told.append).path == first.path
+    (note,) = told
+    assert note == (
+        f"note: dataset 'tiny_tum' not found: no tiny_tum in {home / 'data'}; the sequence "
+        "prepared from it before is played"
+    )
+
+
+@pytest.mark.parametrize(
+    ("keys", "expected"),
+    [
+        ({"paths": "[tiny_tum/rgb.txt]"}, "rgb.txt is a file, but tum reads folders; name the"),
+        ({"paths": "[dead]"}, "data/dead is a link to nothing"),
+        ({"paths": "['dea*']"}, "data/dead is a link to nothing"),
+        ({"paths": "[~nobody_x/x]"}, "not found: no ~nobody_x/x in"),
+        ({"camera": "null"}, "brings no calibration; add camera: {width: ..., height: ..., fx"),
+        ({"reader": "TUM"}, "did you mean 'tum'"),
+    ],
+)
+def test_a_source_that_cannot_be_read_is_one_line(
+    home: Path, keys: dict[str, str], expected: str
+) -> None:
+    (home / "data/dead").symlink_to("nowhere")
+    tum_recipe(home / "datasets", **keys)
+    with pytest.raises(SlambedError) as error:
+        catalog(home).prepare("tiny_tum", home / "cache")
+    assert expected in one_line(error) and error.value.code == ExitCode.BAD_INPUT
 
 
 def test_a_damaged_cache_entry_is_made_again(home: Path) -> None:
@@ -239,6 +317,14 @@ def test_search_path_order(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> N
     assert path[:2] == [tmp_path / "a", tmp_path / "b"]
     assert path[-1] == tmp_path / "c/data"
     assert places.prepared_folder() == tmp_path / "c/prepared"
+
+
+def test_the_home_of_nobody_is_a_folder_that_does_not_exist() -> None:
+    own = {"SLAMBED_DATA": "~nobody_x/a", "SLAMBED_DATASETS": "~nobody_x/b"}
+    code, out, err = slambed("data", "where", **own)
+    assert code == ExitCode.OK, err
+    assert "~nobody_x/a  (does not exist)" in out
+    assert "~nobody_x/b  (dataset files, does not exist)" in out
 
 
 def test_parts_of_a_recording_are_in_the_order_of_their_numbers(home: Path) -> None:

@@ -5,6 +5,8 @@ from __future__ import annotations
 
 import hashlib
 import random
+import socket
+import struct
 import threading
 from collections.abc import Iterator
 from dataclasses import dataclass, field
@@ -193,6 +195,112 @@ def test_who_is_nowhere_is_named_with_every_address(tmp_path: Path, server: str)
     line = str(error.value)
     assert "/x: HTTP Error 404" in line and "127.0.0.1:9/y" in line and "\n" not in line
     assert error.value.code == ExitCode.ENVIRONMENT and not left(tmp_path)
+
+
+@pytest.mark.parametrize(
+    "address",
+    [
+        *("", " ", "nope.tgz", "/abs/x", "htp://x", "http://", "https:///x", "http://[::1"),
+        *("https://exa mple/x", " http://x/y", "http://x/a\nb", "http://x/ü", "http://x?q=ü"),
+        *("http://x:99999/y", "http://x:y/z", "http://a..b/x", "ftp://", "data:,x"),
+        *("file:", "file:x.tgz", "file://x.tgz"),
+    ],
+)
+def test_what_is_no_address_is_refused_before_anything_is_fetched(
+    server: str, sites: dict[str, Site], tmp_path: Path, address: str
+) -> None:
+    site = sites["/a"] = Site()
+    with pytest.raises(SlambedError, match="is no address of a file; expected http") as error:
+        fetch(wanted(f"{server}/a", address), tmp_path)
+    assert error.value.code == ExitCode.BAD_INPUT
+    assert not site.asked and not left(tmp_path)
+
+
+@pytest.mark.parametrize(
+    ("address", "reason"),
+    [
+        ("http://127.0.0.1:9/x", "Connection refused"),
+        ("ftp://127.0.0.1:9/x", "Connection refused"),
+        ("ftp://me:pw@127.0.0.1:9/x", "Connection refused"),
+    ],
+)
+def test_the_reason_is_told_alone(tmp_path: Path, address: str, reason: str) -> None:
+    with pytest.raises(SlambedError) as error:
+        fetch(wanted(address), tmp_path)
+    shown = address.replace(":pw@", ":***@")
+    assert str(error.value) == f"{shown}: {reason}; check the network"
+    assert error.value.code == ExitCode.ENVIRONMENT
+
+
+@pytest.mark.parametrize("login", ["me:pw", "me:p@w", ":pw", "me"])
+def test_a_login_that_http_cannot_use_is_refused_and_hidden(
+    server: str, sites: dict[str, Site], tmp_path: Path, login: str
+) -> None:
+    site = sites["/a"] = Site()
+    with pytest.raises(SlambedError, match="a user and password are for ftp:// only") as error:
+        fetch(wanted(server.replace("//", f"//{login}@") + "/a"), tmp_path)
+    assert error.value.code == ExitCode.BAD_INPUT and not site.asked
+    hidden = f"{login.partition(':')[0]}:***@" if ":" in login else "me@"
+    assert str(error.value).startswith(f"http://{hidden}127.0.0.1:")
+
+
+@pytest.mark.parametrize("size", [5, 10_000_000])
+def test_a_wrong_size_of_a_local_file_is_bad_input(tmp_path: Path, size: int) -> None:
+    (tmp_path / "x").write_bytes(CONTENT)
+    address = (tmp_path / "x").as_uri()
+    with pytest.raises(SlambedError) as error:
+        fetch(wanted(address, size=size), tmp_path)
+    assert str(error.value) == f"{address}: has 700000 bytes, not {size}; correct size_bytes"
+    assert error.value.code == ExitCode.BAD_INPUT and left(tmp_path) == [""]
+
+
+@pytest.mark.parametrize(
+    ("name", "reason"), [("none", "No such file or directory"), ("", "Is a directory")]
+)
+def test_a_local_file_that_cannot_be_read_is_bad_input(
+    tmp_path: Path, name: str, reason: str
+) -> None:
+    address = (tmp_path / name).as_uri()
+    with pytest.raises(SlambedError) as error:
+        fetch(wanted(address), tmp_path)
+    assert str(error.value) == f"{address}: {reason}; name a file that can be read"
+    assert error.value.code == ExitCode.BAD_INPUT
+
+
+def test_a_name_with_a_blank_is_an_address_of_a_local_file(tmp_path: Path) -> None:
+    (tmp_path / "ä b").write_bytes(CONTENT)
+    for address in ((tmp_path / "ä b").as_uri(), f"file://{tmp_path}/ä b", f"file:{tmp_path}/ä b"):
+        assert fetch(wanted(address), tmp_path)[1] == SHA256
+
+
+def test_a_network_that_fails_after_a_missing_file_is_the_environments(tmp_path: Path) -> None:
+    with pytest.raises(SlambedError, match="check the network") as error:
+        fetch(wanted((tmp_path / "none").as_uri(), "http://127.0.0.1:9/x"), tmp_path)
+    assert error.value.code == ExitCode.ENVIRONMENT
+
+
+def test_a_server_that_hangs_up_is_asked_again_and_then_the_mirror(
+    server: str, sites: dict[str, Site], tmp_path: Path
+) -> None:
+    sites["/a"] = Site()
+    with socket.create_server(("127.0.0.1", 0)) as rude:
+        calls: list[int] = []
+
+        def hang_up() -> None:
+            for _ in range(module.ATTEMPTS):
+                line = rude.accept()[0]
+                # Closing at once sends a reset instead of an end.
+                line.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, struct.pack("ii", 1, 0))
+                line.recv(1 << 16)
+                calls.append(1)
+                line.close()
+
+        thread = threading.Thread(target=hang_up, daemon=True)
+        thread.start()
+        rude_address = f"http://127.0.0.1:{rude.getsockname()[1]}/a"
+        assert fetch(wanted(rude_address, f"{server}/a"), tmp_path)[1] == SHA256
+        thread.join(10)
+    assert len(calls) == module.ATTEMPTS
 
 
 def test_two_calls_do_not_write_one_file(

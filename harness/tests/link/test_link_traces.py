@@ -110,6 +110,10 @@ def test_an_empty_cell_is_no_cell_of_another_column(tmp_path: Path) -> None:
         trace(tmp_path, "time_s\trtt_ms\tx\n0\t12.5\t1\n0.2\t\t99\n0.4\t13\t1\n")
 
 
+def test_a_line_of_excel_may_name_a_separator_that_the_table_has_not(tmp_path: Path) -> None:
+    assert trace(tmp_path, "sep=,\ntime_s;rtt_ms\n0;10\n0,2;12\n").duration == pytest.approx(0.2)
+
+
 def test_a_window_begins_between_two_samples(tmp_path: Path) -> None:
     text = "time_s,rtt_ms\n0,10\n0.2,12\n0.4,13\n"
     assert trace(tmp_path, text, start_s=0.1).rtt_ms(0) == pytest.approx(11)
@@ -195,7 +199,7 @@ def test_a_ping_log(tmp_path: Path) -> None:
         ("time_s,rtt_ms\n0,1\n0.5,2\n9,3\n", {}, "gap of 8.5 s in the trace at 0.5 s"),
         ("time_s,rtt_ms\n0,1\n0.5,2\n0.4,3\n", {}, "time goes back by 0.1 s at 0.500 s"),
         ("time_s,rtt_ms\n0,1\n0.5,-2\n", {}, "negative latency -2 ms at 0.500 s"),
-        ("time_s,rtt_ms\n0,1\n0.5,nan\n", {}, "RTT is not a number at 0.500 s"),
+        ("time_s,rtt_ms\n0,1\n0.5,nan\n", {}, "RTT is not a number, .* line 3"),
         ("time_s,rtt_ms\n0,1\nnan,2\n", {}, "time is not a number.*line 3"),
         ("time_s,rtt_ms\n0,1\n0.5\n", {}, "not a time and a number.*line 3"),
         ("time_s,rtt\n0,1\n", {}, "no column 'rtt_ms'.*did you mean 'rtt'"),
@@ -206,8 +210,19 @@ def test_a_ping_log(tmp_path: Path) -> None:
         ),
         ("time_s,rtt_ms,rtt_ms\n0,12,99\n", {}, "column 'rtt_ms' is there twice"),
         ("time_s,rtt_ms\n9,1\n8,2\n", {}, "time goes back to 1 s before the first sample"),
-        ("time_s,rtt_ms\n0,1\n2000,2\n", {}, r"gap of 2000.* or correct time_unit \(s\)"),
+        (
+            "time_s,rtt_ms\n0,1\n2000,2\n",
+            {},
+            r"samples are 2000 s apart, .*; correct time_unit \(s\)",
+        ),
         ("time_s,rtt_ms\n", {}, "no samples"),
+        ("time_s,rtt_µs\n0,1\n", {"rtt": "rtt_µs"}, "'rtt_µs' is in us by its name"),
+        ("time_s,rttSec\n0,1\n", {"rtt": "rttSec"}, "'rttSec' is in s by its name"),
+        ("time_s,rtt in seconds\n0,1\n", {"rtt": "rtt in seconds"}, "is in s by its name"),
+        ("0.0,10\n0.2,11\n", {}, "has no names; write 'time_s,rtt_ms' above it"),
+        ("time_s,rtt_ms\n46000.000001,1\n46000.000003,1\n", {}, "samples are 2e-06 s apart"),
+        ("time_s,rtt_ms\n5,1\n5,1\n5,1\n6,2\n", {}, "most samples share one"),
+        ("time_s,rtt_ms\n17:15:30.0,1\n", {}, "times are numbers or dates such as 2026-"),
         ("nothing here\n", {"format": "ping"}, "no samples"),
         ("time_s,rtt_ms\n0,1\n0.5,2\n", {"start_s": 60.0}, "no samples between"),
         ("time_s,rtt_ms\n0,1\n", {"rtt_unit": "minutes"}, "rtt_unit"),
@@ -293,6 +308,7 @@ def test_a_mahimahi_trace(tmp_path: Path) -> None:
     [
         ("5\n3\n", "time goes back.*line 2"),
         ("5\nx\n", "'x' is not a whole number.*line 2"),
+        ("9" * 400 + "\n", "'99999999999999999999' is more than 1000000000 ms.*line 1"),
         ("", "no delivery opportunities"),
     ],
 )
@@ -446,8 +462,61 @@ def test_a_duplicate_in_the_same_second_is_no_second_reply(tmp_path: Path) -> No
 
 
 @pytest.mark.parametrize(
+    "stamps",
+    [
+        ["[1795651784,4]", "[1795651785,4]", "[1795651786,4]"],
+        ["[   99.8]", "[  100.8]", "[  101.8]"],
+        ["17:15:30,000", "17:15:31,000", "17:15:32,000"],
+        ["Dec 31 23:59:59.8", "Jan  1 00:00:00.8", "Jan  1 00:00:01.8"],
+        [f"Nov 26 17:15:30 [{1795651784.4 + i}]" for i in range(3)],
+    ],
+)
+def test_stamps_of_other_forms_are_read(tmp_path: Path, stamps: list[str]) -> None:
+    reply = " 64 bytes from 1.2.3.4: icmp_seq={} ttl=57 time=1 ms"
+    lines = [stamp + reply.format(2 * i) for i, stamp in enumerate(stamps)]
+    assert ping_trace(tmp_path, lines).duration == pytest.approx(2)
+
+
+@pytest.mark.parametrize(
+    ("lines", "complaint"),
+    [
+        (["64 bytes from 1.2.3.4: icmp_seq=1 ttl=57 time=1,234.5 ms"], "is no latency"),
+        (
+            [
+                "64 bytes from a.b (1.2.3.4): icmp_seq=1 ttl=57 time=1 ms",
+                "64 bytes from 1.2.3.4: icmp_seq=2 ttl=57 time=1 ms",
+                "64 bytes from 1.2.3.5: icmp_seq=3 ttl=57 time=1 ms",
+            ],
+            "replies of 1.2.3.4 and of 1.2.3.5",
+        ),
+        (
+            [
+                f"{0.2 + (i % 2) / 1000:.6f} 64 bytes from 1.2.3.4: icmp_seq={i} ttl=57 time=1 ms"
+                for i in range(9)
+            ],
+            "like the differences of 'ts -i'",
+        ),
+    ],
+)
+def test_a_log_that_would_give_another_trace_is_refused(
+    tmp_path: Path, lines: list[str], complaint: str
+) -> None:
+    with pytest.raises(SlambedError) as error:
+        ping_trace(tmp_path, lines)
+    assert complaint in str(error.value)
+
+
+@pytest.mark.parametrize(
     ("line", "complaint"),
     [
+        (
+            "{i}795651784400 64 bytes from 1.2.3.4: icmp_seq={i} ttl=57 time=1 ms",
+            "its lines begin with a time of an unknown form",
+        ),
+        (
+            "\x1b[32m[{i}]\x1b[0m 64 bytes from 1.2.3.4: icmp_seq={i} ttl=57 time=1 ms",
+            "its lines begin with a time of an unknown form",
+        ),
         (
             "Nov 26 17:21:10 64 bytes from 1.2.3.4: icmp_seq={i} ttl=57 time=1 ms",
             "its stamps are whole seconds, with several replies in one",
