@@ -35,6 +35,7 @@ _NO_LATENCY = re.compile(
 )
 # Matches who replied: the last word before `: icmp_seq=`.
 _REPLIED = re.compile(r"(\S+):\s+\S*$")
+_LONGEST_HOST = 300
 _DAY_S = 86_400.0
 _LEAP_YEAR_S = 366 * _DAY_S
 _MONTHS = ("Jan", "Feb", "Mar", "Apr", "May", "Jun", "Jul", "Aug", "Sep", "Oct", "Nov", "Dec")
@@ -156,13 +157,15 @@ def _is_duplicate(line: str) -> bool:
 
 def _must_be_one_host(replies: list[tuple[str, re.Match[str]]]) -> None:
     """Raises ValueError for replies of several hosts; a multicast has all but one as duplicates."""
-    hosts = [
-        host[1].strip("()")
-        for line, found in replies
-        if not _is_duplicate(line) and (host := _REPLIED.search(line[: found.start()])) is not None
-    ]
-    if len(several := list(dict.fromkeys(hosts))) > 1:
+    hosts = [_host(line, found.start()) for line, found in replies if not _is_duplicate(line)]
+    if len(several := [*dict.fromkeys(filter(None, hosts))]) > 1:
         raise ValueError(f"replies of {several[0]} and of {several[1]}")
+
+
+def _host(line: str, end: int) -> str:
+    """Returns who replied, `1.2.3.4` or `(1.2.3.4)` before `: icmp_seq`; empty if unknown."""
+    found = _REPLIED.search(line, max(0, end - _LONGEST_HOST), end)
+    return found[1].strip("()") if found is not None else ""
 
 
 def _stamp(line: str) -> _Stamp | None:
@@ -170,7 +173,8 @@ def _stamp(line: str) -> _Stamp | None:
     `ping -D | ts`, the second one is ping's own."""
     if (found := _STAMP.match(line)) is None:
         return None
-    return _stamp(line[found.end() :]) or _read_stamp(found)
+    second = _STAMP.match(line, found.end())
+    return (_read_stamp(second) if second is not None else None) or _read_stamp(found)
 
 
 def _read_stamp(found: re.Match[str]) -> _Stamp | None:

@@ -461,6 +461,12 @@ def test_a_duplicate_in_the_same_second_is_no_second_reply(tmp_path: Path) -> No
     assert ping_trace(tmp_path, lines).duration == pytest.approx(2)
 
 
+def test_a_line_of_stamps_alone_is_read_in_time(tmp_path: Path) -> None:
+    lines = ["[1]" * 100_000 + f"x: icmp_seq={i} ttl=57 time=1 ms" for i in range(3)]
+    with pytest.raises(SlambedError):
+        ping_trace(tmp_path, lines)
+
+
 @pytest.mark.parametrize(
     "stamps",
     [
