@@ -49,7 +49,7 @@ def runtime(**changes: Any) -> Runtime:
         ({"reads": "bag"}, "'tum', 'euroc' or 'kitti'"),
         ({"trajectory": ""}, "leaves its poses in a file: trajectory"),
         ({"trajectory": "trajectory.txt"}, "is the player's"),
-        ({"trajectory": "../poses.txt"}, "pattern"),
+        ({"trajectory": "../poses.txt"}, "expected the name of a file, without a folder"),
         ({"trajectory_format": "euroc"}, "'tum' or 'kitti'"),
         ({"reads": None}, "trajectory belongs to a system that reads a folder"),
         ({"mobile": {"command": ["vo"], "client": True}}, "has no client"),
