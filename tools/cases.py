@@ -1,11 +1,14 @@
 # SPDX-License-Identifier: Apache-2.0
 """Prints a table of what slambed says of a folder of awkward inputs, one line for each.
 
-`python tools/cases.py FOLDER` calls what a user would call: `data prepare` for dataset files,
-`profiles show` for link profiles, `run --engine virtual` for experiments. FOLDER's parent is
-searched for the data. Paths of a dataset file begin at that parent.
+`python tools/cases.py FOLDER [PART...] [--against TABLE]` calls what a user would call:
+`data prepare` for dataset files, `profiles show` for link profiles, `run --engine virtual` for
+experiments. FOLDER's parent is searched for the data. Paths of a dataset file begin at that parent.
+PART chooses files by a part of their path. With `--against` inputs whose exit code is not that of a
+kept table are named at the end, and the exit code is 1.
 """
 
+import argparse
 import contextlib
 import io
 import os
@@ -83,17 +86,34 @@ def row(root: Path, file: Path, work: Path) -> str | None:
     return f"| {file.relative_to(root)} | {code} | {shown} |"
 
 
+def codes(table: str) -> dict[str, str]:
+    """Returns input -> exit code of the lines of a table."""
+    return dict(re.findall(r"^\| `?([^`|]+?)`? \| (\d+) \|", table, re.M))
+
+
 def main() -> None:
-    """Prints the table; further arguments choose files by a part of their path."""
-    root = Path(sys.argv[1]).resolve()
+    """Prints the table, and what differs from a kept one."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("folder", type=Path)
+    parser.add_argument("parts", nargs="*", metavar="part")
+    parser.add_argument("--against", type=Path, metavar="TABLE")
+    given = parser.parse_args()
+    root = given.folder.resolve()
+    kept = codes(given.against.read_text(encoding="utf-8")) if given.against else {}
     os.environ["SLAMBED_DATA"] = str(root.parent)
     os.environ["SLAMBED_DATASETS"] = ":".join(str(p) for p in sorted(root.iterdir()) if p.is_dir())
     print("| input | exit code | what it says |\n|---|---:|---|")
+    found: dict[str, str] = {}
     with tempfile.TemporaryDirectory() as work:
         for file in sorted(root.glob("*/*.yaml")):
-            wanted = not sys.argv[2:] or any(part in str(file) for part in sys.argv[2:])
+            wanted = not given.parts or any(part in str(file) for part in given.parts)
             if wanted and (line := row(root, file, Path(work))) is not None:
                 print(line, flush=True)
+                found |= codes(line)
+    differing = [name for name, code in found.items() if kept.get(name, code) != code]
+    for name in differing:
+        print(f"{name}: exit code {found[name]}, but {kept[name]} in {given.against}")
+    sys.exit(bool(differing))
 
 
 if __name__ == "__main__":

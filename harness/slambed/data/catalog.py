@@ -10,6 +10,7 @@ from pathlib import Path
 
 from slambed.data import places
 from slambed.data.cache import SequenceCache
+from slambed.data.fetch import shown
 from slambed.data.preparation import Notify, Progress, SourceJob, SynthJob
 from slambed.data.prepared import SEQUENCE_FILE, PreparedSequence
 from slambed.data.readers import ReaderOptions, SequenceReader, load_reader
@@ -288,7 +289,7 @@ class Catalog:
         if (download := dataset.download) is not None:
             size = f"{download.size_bytes / 1e6:.0f} MB" if download.size_bytes else "size unknown"
             checked = "checksum " + (UNVERIFIED if not download.verified else download.sha256[:12])
-            recipe = f"get it from {download.url} ({size}, {checked})"
+            recipe = f"get it from {shown(download.url)} ({size}, {checked})"
         return f"{self._not_found(dataset)}; {recipe}, or set SLAMBED_DATA"
 
     def _not_found(self, dataset: Dataset) -> str:

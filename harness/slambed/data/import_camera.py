@@ -8,8 +8,10 @@ from pathlib import Path
 import numpy as np
 
 from slambed.data.camera_files import CalibratedCamera, Floats, read_cameras
-from slambed.data.model import implausible
+from slambed.data.model import beside_picture, implausible
+from slambed.data.recipe import CameraRecipe
 from slambed.errors import SlambedError
+from slambed.files.yaml_source import MisplacedError
 
 BESIDE = 0.95
 """Least share of the distance to the next camera that lies along x, for a stereo pair."""
@@ -37,7 +39,14 @@ def camera_yaml(file: Path, number: int, baseline_m: float | None) -> tuple[str,
     fx, cx, cy = (float(camera.lens.matrix[place]) for place in ((0, 0), (0, 2), (1, 2)))
     if wrong := implausible(cx, cy, bf / fx, camera.size):
         raise SlambedError(f"{file}: {wrong}; calibrate again, or say --baseline-m")
-    return _text(camera, bf), notes
+    recipe = _recipe(camera, bf)
+    try:
+        recipe.must_be_real()
+    except MisplacedError as unreal:
+        raise SlambedError(f"{file}: {'.'.join(map(str, unreal.location))}: {unreal}") from None
+    if beside := beside_picture(cx, cy, camera.size):
+        notes.append(beside)
+    return _text(recipe), notes
 
 
 def _place_of_next(cameras: list[CalibratedCamera], number: int) -> Floats | None:
@@ -64,15 +73,29 @@ def _of_rig(following: int, place: Floats, distance_m: float) -> list[str]:
     return []
 
 
-def _text(camera: CalibratedCamera, bf: float) -> str:
+def _recipe(camera: CalibratedCamera, bf: float) -> CameraRecipe:
     (fx, _, cx), (_, fy, cy) = camera.lens.matrix[:2].tolist()
     width, height = camera.size
+    return CameraRecipe(
+        width=width,
+        height=height,
+        fx=fx,
+        fy=fy,
+        cx=cx,
+        cy=cy,
+        bf=bf,
+        distortion=tuple(camera.lens.coefficients.tolist()),
+        distortion_model=camera.lens.model,
+    )
+
+
+def _text(camera: CameraRecipe) -> str:
     lines = [
         "camera:",
-        f"  {{ width: {width}, height: {height}, fx: {fx!r}, fy: {fy!r}, cx: {cx!r}, cy: {cy!r}, "
-        f"bf: {bf:.9g},",
-        f"    distortion: {camera.lens.coefficients.tolist()}",
+        f"  {{ width: {camera.width}, height: {camera.height}, fx: {camera.fx!r}, "
+        f"fy: {camera.fy!r}, cx: {camera.cx!r}, cy: {camera.cy!r}, bf: {camera.bf:.9g},",
+        f"    distortion: {list(camera.distortion)}",
     ]
-    if camera.lens.model != "radial-tangential":
-        lines[-1] += f", distortion_model: {camera.lens.model}"
+    if camera.distortion_model != CameraRecipe.model_fields["distortion_model"].default:
+        lines[-1] += f", distortion_model: {camera.distortion_model}"
     return "\n".join(lines) + " }"

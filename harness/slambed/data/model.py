@@ -37,16 +37,32 @@ LONGEST_BASELINE_M = 20.0
 """Of a rig; a longer one is in millimeters."""
 
 
+FARTHEST_OUTSIDE = 2
+"""Of a principal point, in pictures beside its own: pictures are cut from larger ones, and a
+calibration in other units than pixels is hundreds of pictures outside."""
+
+
 def implausible(cx: float, cy: float, baseline_m: float, size: tuple[int, int]) -> str:
-    """Returns what no camera has: a principal point far outside of its picture, or a baseline
-    below 0 or above 20 m; empty if all is plausible."""
+    """Returns what no camera has: a principal point more than two pictures outside of its own, or
+    a baseline below 0 or above 20 m; empty if all is plausible."""
     for name, value, side in (("cx", cx, size[0]), ("cy", cy, size[1])):
-        if not -side / 2 <= value <= 1.5 * side:
+        if not -FARTHEST_OUTSIDE * side <= value <= (1 + FARTHEST_OUTSIDE) * side:
             return f"{name} {value:g} is far outside of a picture of {size[0]}x{size[1]}"
     if baseline_m < 0:
         return f"a baseline of {baseline_m:g} m, expected 0 or more; are left and right swapped?"
     if not baseline_m <= LONGEST_BASELINE_M:
         return f"a baseline of {baseline_m:g} m, expected 0 to {LONGEST_BASELINE_M:g}; is it in mm?"
+    return ""
+
+
+def beside_picture(cx: float, cy: float, size: tuple[int, int]) -> str:
+    """Returns a remark on a principal point outside of its picture; empty if it is inside."""
+    for name, value, side in (("cx", cx, size[0]), ("cy", cy, size[1])):
+        if not 0 <= value <= side:
+            return (
+                f"{name} {value:g} is outside of a picture of {size[0]}x{size[1]}: right only if "
+                "it was cut from a larger one"
+            )
     return ""
 
 

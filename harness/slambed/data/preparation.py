@@ -16,7 +16,7 @@ from typing import Protocol
 
 import numpy as np
 
-from slambed.data.model import Frame, implausible
+from slambed.data.model import Frame, beside_picture, implausible
 from slambed.data.prepared import PreparedWriter, stride_bytes
 from slambed.data.readers.base import FolderReader, SequenceReader
 from slambed.data.recipe import CameraRecipe, Dataset
@@ -88,6 +88,8 @@ class SourceJob:
         baseline_m = camera.bf / camera.fx
         if wrong := implausible(camera.cx, camera.cy, baseline_m, (width, height)):
             raise SlambedError(f"{reader.path}: {wrong}; correct the calibration")
+        if beside := beside_picture(camera.cx, camera.cy, (width, height)):
+            notify(f"note: {reader.path}: {beside}")
         with PreparedWriter(
             path,
             id=dataset.id,

@@ -174,8 +174,12 @@ class Download(_Strict):
     @field_validator("into")
     @classmethod
     def _below(cls, into: str) -> str:
-        if PurePosixPath(into).is_absolute() or ".." in PurePosixPath(into).parts:
-            raise ValueError("is not below the data folder; write a path without '..'")
+        path = PurePosixPath(into)
+        if path.is_absolute() or into.startswith("~") or ".." in path.parts:
+            raise ValueError(
+                f"'{into}' is not below the data folder; write a path that begins there, such as "
+                "tum/freiburg1"
+            )
         return into
 
     @property
@@ -279,14 +283,14 @@ def split_pattern(pattern: str) -> tuple[Path | None, str]:
     return Path(path.anchor), str(path.relative_to(path.anchor))
 
 
-Other = Annotated[
+DatasetName = Annotated[
     str,
     *matching(
         r"^([^./\x00-\x1f][^/\x00-\x1f]*|[^\x00-\x1f]+\.ya?ml)$",
         "the name of a dataset, or of a .yaml file",
     ),
 ]
-"""Another dataset."""
+"""Of another dataset."""
 _OF_THE_SOURCE = (
     "paths", "camera", "depth_unit_m", "close_depth_baselines", "fps", "groundtruth",
     "reader_options", "download",
@@ -337,9 +341,9 @@ class Dataset(_Strict):
     """What a reader must know."""
     synthetic: Synthetic | None = None
     """Options of the generator, instead of `reader`."""
-    first_of: tuple[Other, ...] = ()
+    first_of: tuple[DatasetName, ...] = ()
     """Other datasets: the first one that is on this machine is played."""
-    window_of: Other | None = None
+    window_of: DatasetName | None = None
     """The dataset of which `playback` selects a part, without a copy."""
     prior_map: str | None = None
     """Prepared input used for parameters with the value `dataset` (docs/reference/input.md)."""

@@ -34,7 +34,7 @@ _NO_LATENCY = re.compile(
     re.I,
 )
 # Matches who replied: the last word before `: icmp_seq=`.
-_REPLIED = re.compile(r"(\S+):\s+\S*$")
+_REPLIED = re.compile(r"(\S+?)\s?:\s+\S*$")
 _LONGEST_HOST = 300
 _DAY_S = 86_400.0
 _LEAP_YEAR_S = 366 * _DAY_S
@@ -77,7 +77,7 @@ def read_ping(lines: list[str]) -> PingLog:
     ]
     if unix:
         return _unix(unix)
-    dated = [line for line in lines if _WINDOWS.search(line) and _begins_with_a_clock(line)]
+    dated = [line for line in lines if _WINDOWS.search(line) and _begins_with_a_time(line)]
     return PingLog(_windows(lines), False, _UNKNOWN if dated else "")
 
 
@@ -95,7 +95,7 @@ class _Stamp:
     """When it begins again, of a date without a year or a time without a date."""
 
 
-def _begins_with_a_clock(line: str) -> bool:
+def _begins_with_a_time(line: str) -> bool:
     """Returns whether a time of day, or a number, stands before the size of the reply, `64 bytes
     from`, or a time of day before its first word."""
     words = line.split(maxsplit=4)
@@ -115,7 +115,7 @@ def _unix(replies: list[tuple[str, re.Match[str]]]) -> PingLog:
     # A log may begin or end in the middle of a line.
     is_stamped = 2 * stamps.count(None) < len(stamps)
     unread = ""
-    if not is_stamped and 2 * sum(_begins_with_a_clock(line) for line, _ in replies) > len(replies):
+    if not is_stamped and 2 * sum(_begins_with_a_time(line) for line, _ in replies) > len(replies):
         unread = _UNKNOWN
     known = [
         stamp.s
@@ -163,7 +163,8 @@ def _must_be_one_host(replies: list[tuple[str, re.Match[str]]]) -> None:
 
 
 def _host(line: str, end: int) -> str:
-    """Returns who replied, `1.2.3.4` or `(1.2.3.4)` before `: icmp_seq`; empty if unknown."""
+    """Returns who replied, `1.2.3.4` or `(1.2.3.4)` before `: icmp_seq`, in French
+    ` : icmp_seq`; empty if unknown."""
     found = _REPLIED.search(line, max(0, end - _LONGEST_HOST), end)
     return found[1].strip("()") if found is not None else ""
 

@@ -351,8 +351,8 @@ def _read_ping(
 ) -> tuple[np.ndarray, np.ndarray]:
     try:
         log = read_ping(read_lines(path))
-    except ValueError as two:
-        raise SlambedError(f"{two}, {path}; correct it, or give the log of one ping") from None
+    except ValueError as unusable:
+        raise SlambedError(f"{unusable}, {path}; correct it, or give the log of one ping") from None
     start = log.echoes[0].sent if log.echoes else 0.0
     # Subtracted before scaling, as above.
     sent = np.array([echo.sent - start for echo in log.echoes])
@@ -382,18 +382,18 @@ def read_rate_trace(name: str, near: Path | None) -> list[int]:
             raise SlambedError(
                 f"'{line[:20]}' is not a whole number of milliseconds, {path} line {number}"
             ) from None
-        if not opportunities and _LONGEST_RATE_MS >= time_ms > _LATEST_START_MS:
+        if time_ms > _LONGEST_RATE_MS:
+            raise SlambedError(
+                f"'{line[:20]}' is more than {_LONGEST_RATE_MS} ms, {path} line {number}; give "
+                "milliseconds from the start of the trace"
+            )
+        if not opportunities and time_ms > _LATEST_START_MS:
             raise SlambedError(
                 f"the first packet is at {time_ms / 1e3:g} s, {path} line {number}; give "
                 "milliseconds from the start of the trace"
             )
         if time_ms < (opportunities[-1] if opportunities else 0):
             raise SlambedError(f"time goes back, {path} line {number}; sort the file")
-        if time_ms > _LONGEST_RATE_MS:
-            raise SlambedError(
-                f"'{line[:20]}' is more than {_LONGEST_RATE_MS} ms, {path} line {number}; give "
-                "milliseconds from the start of the trace"
-            )
         opportunities.append(time_ms)
     if not opportunities or opportunities[-1] == 0:
         raise SlambedError(f"no delivery opportunities, {path}; give a Mahimahi trace")

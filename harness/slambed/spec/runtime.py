@@ -101,18 +101,14 @@ class PythonPackages(BaseModel):
 
     model_config = STRICT
 
-    requires: list[Annotated[str, *matching(r"^[^-\s]", "a requirement of pip, not an option")]] = (
-        Field(default_factory=list)
-    )
+    requires: list[Requirement] = Field(default_factory=list)
     """Requirements as pip has them, such as `numpy==2.2.1`."""
     requirements: str = ""
     """Name of a requirements file in the system's folder, with or without hashes; it replaces
     `requires`."""
     version: Annotated[str, *matching(r"^(3\.\d+)?$", "a version such as '3.11'")] = ""
     """Minor version of Python, such as `"3.11"`; the default is that of slambed's own Python."""
-    apt: list[
-        Annotated[str, *matching(r"^[a-z0-9][a-z0-9.+-]+$", "the name of a Debian package")]
-    ] = Field(default_factory=list)
+    apt: list[DebianPackage] = Field(default_factory=list)
     """Debian packages that the Python packages need. On engine local the host must have them; they
     are never installed there by slambed. An image that slambed makes has them."""
 

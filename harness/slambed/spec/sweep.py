@@ -28,7 +28,7 @@ def swept(source: YamlSource) -> YamlSource:
     """Expands the grids: each system appears once per point of its own grid, or else of the
     experiment's."""
     data = source.data
-    entries = data.get("systems") if isinstance(data, dict) else None
+    entries = data.get(SYSTEMS) if isinstance(data, dict) else None
     entries = entries if isinstance(entries, list) else []
     if not isinstance(data, dict) or not any(_has_grid(item) for item in (data, *entries)):
         return source
@@ -69,7 +69,7 @@ def changed(source: YamlSource, settings: list[str]) -> YamlSource:
         if key == "id":
             raise SlambedError(f"--set {setting}: the id is the name of the file; copy the file")
         value = value_of(text, f"--set {setting}")
-        entries = data.get("systems")
+        entries = data.get(SYSTEMS)
         if key.startswith(PARAMS) and isinstance(entries, list):
             for entry in (e for e in entries if isinstance(e, dict)):
                 entry["params"] = {**(entry.get("params") or {}), key.removeprefix(PARAMS): value}
@@ -106,7 +106,7 @@ def _points(source: YamlSource, index: int, entry: Any, grid: dict[str, list[Any
     if not isinstance(entry, dict):
         return [entry]  # an error that the check of the systems reports
     if GRID in entry:
-        grid = _checked(source, entry[GRID], ("systems", index, GRID))
+        grid = _checked(source, entry[GRID], (SYSTEMS, index, GRID))
         entry = {key: value for key, value in entry.items() if key != GRID}
     if not grid:
         return [entry]
@@ -125,7 +125,7 @@ def _at(source: YamlSource, index: int, entry: dict[str, Any], point: dict[str, 
         part, _, leaf = ("params." + name if name != key else key).rpartition(".")
         inside = made if not part else made.setdefault(part, {})
         if not isinstance(inside, dict) or leaf in inside:
-            raise source.complaint(f"{key} is in the grid and here", ("systems", index))
+            raise source.complaint(f"{key} is in the grid and here", (SYSTEMS, index))
         inside[leaf] = value
         values[leaf] = str(value)
     label = entry.get("label")
@@ -133,9 +133,7 @@ def _at(source: YamlSource, index: int, entry: dict[str, Any], point: dict[str, 
         for slot in slots:
             if slot not in values:
                 message = f"the grid varies no '{slot}' for the label"
-                raise source.complaint(
-                    message, ("systems", index, "label"), suggestion(slot, values)
-                )
+                raise source.complaint(message, (SYSTEMS, index, "label"), suggestion(slot, values))
         return {**made, "label": SLOT.sub(lambda found: values[found[1]], label)}
     base = label or entry.get("system")
     if not label and entry.get("variant"):

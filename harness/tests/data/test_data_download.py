@@ -15,9 +15,10 @@ from typing import Literal
 import pytest
 from data_samples import one_line
 
+from slambed.data.catalog import Catalog
 from slambed.data.download import download, how_to_get, recipe_text
 from slambed.data.recipe import Dataset
-from slambed.errors import ExitCode, SlambedError
+from slambed.errors import ExitCode, MissingDataError, SlambedError
 
 
 def dataset(**recipe: object) -> Dataset:
@@ -206,5 +207,8 @@ def test_a_password_is_not_shown(tmp_path: Path) -> None:
     with pytest.raises(SlambedError) as error:
         download(kept, tmp_path)
     assert f"the checksum of {shown} is" in one_line(error)
+    with pytest.raises(MissingDataError) as missing:
+        Catalog({kept.id: kept}, (tmp_path / "data",), tmp_path).must_be_here(kept.id, tmp_path)
+    assert f"get it from {shown} (" in one_line(missing)
     page = dataset(url="http://me:pw@host/page")
     assert how_to_get(page) == "get it from http://me:***@host/page"

@@ -340,6 +340,13 @@ def test_the_baseline_and_the_depth_of_orbslam3(tmp_path: Path) -> None:
         ),
         ("cam1:", "cam1: 3\nother:", "its cam1 is 3, expected a mapping of keys"),
         ("cam1:", "---\ncam1:", "a second document begins with '---', expected one"),
+        ("190.8", "19080", r"other\.yaml: fx: is 190\.5, but fy 19080 .real ones are about equal."),
+        (
+            "[0.01, 0.02",
+            "[0.01, -2e4",
+            "other.yaml: distortion: no lens has a coefficient of -20000",
+        ),
+        ("254.9", "25490", "cx 25490 is far outside of a picture of 512x500; calibrate again"),
     ],
 )
 def test_what_is_wrong_is_named(tmp_path: Path, old: str, new: str, complaint: str) -> None:

@@ -138,7 +138,9 @@ def test_a_dataset_file_has_numbers_where_numbers_are_expected(tmp_path: Path) -
         ("camera", "{width: 4, height: 4, fx: on, fy: 1, cx: 1, cy: 1, bf: 1}", "'camera.fx': exp"),
         ("camera", "{width: 4, height: 4, fx: 1, fy: 1, cx: 1, cy: 1, bf: 1, "
          "distortion: [no, 0, 0, 0]}", "'camera.distortion': expected a number"),
-        ("download", "{url: 'file:///a', into: ../up}", "'download.into': is not below the data"),
+        ("download", "{url: 'file:///a', into: ../up}", "'download.into': '../up' is not below"),
+        ("download", "{url: 'file:///a', into: ~/x}", "'download.into': '~/x' is not below"),
+        ("download", "{url: 'file:///a', into: /x}", "'download.into': '/x' is not below the"),
     ):  # fmt: skip
         file = tmp_path / "x.yaml"
         file.write_text(f"id: x\ntitle: t\nreader: tum\npaths: [x]\n{key}: {value}\n")
@@ -256,6 +258,7 @@ def test_camera_info_of_both_ros(tmp_path: Path) -> None:
 
 def test_numbers_that_no_camera_has() -> None:
     assert not implausible(320, 240, 0.1, (640, 480))
+    assert not implausible(160, 120, 0.1, (64, 48))  # cut from a picture of 320x240
     assert "cx 3200 is far outside" in implausible(3200, 240, 0.1, (640, 480))
     assert "is it in mm?" in implausible(320, 240, 110.0, (640, 480))
     assert "left and right swapped" in implausible(320, 240, -0.1, (640, 480))
@@ -409,6 +412,25 @@ def test_pictures_may_be_jpegs_and_hidden_files_are_none(tmp_path: Path) -> None
     (folder / "image_0" / "000000.png").write_bytes(b"\0")
     with pytest.raises(SlambedError, match=r"several formats \(\.jpg, \.png\)"):
         load_reader("kitti")(folder, options(sensor="stereo"))
+
+
+def test_a_principal_point_outside_of_a_cut_picture_is_told(tmp_path: Path) -> None:
+    calibration = write_kitti(tmp_path) / "calib.txt"
+    for column, code in ((160, 0), (1600, 2)):
+        matrix = f"100 0 {column} {{}} 0 100 24 0 0 0 1 0\n"
+        calibration.write_text(f"P0: {matrix.format(0)}P1: {matrix.format(-50)}")
+        file = dataset_file(
+            tmp_path,
+            "cut",
+            f"reader: kitti\nsensor: stereo\npaths: ['{calibration.parent}']\nfps: 10\n",
+        )
+        found, _, told = slambed(
+            "data", "prepare", str(file), SLAMBED_CACHE=str(tmp_path / "cache")
+        )
+        assert found == code, told
+        assert ("note: " in told, "cx 160 is outside of a picture of 64x48" in told) == (
+            (True, True) if code == 0 else (False, False)
+        )
 
 
 def test_color_of_scannet_may_be_jpeg(tmp_path: Path) -> None:

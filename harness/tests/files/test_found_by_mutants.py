@@ -347,7 +347,7 @@ def test_a_grid_of_a_number(tmp_path: Path) -> None:
         ),
         ("reader_options", "{time_unit: [s]}", "rgb.txt: reader_options: time_unit must be"),
         ("reader_options", "{max_gap: 1}", "tiny_tum: reader_options: unknown key 'max_gap'"),
-        ("reader", "tun", "dataset 'tiny_tum': reader 'tun' does not exist, did you mean 'tum'"),
+        ("reader", "tun", "dataset 'tiny_tum': reader 'tun' does not exist; did you mean 'tum'"),
         ("fps", ".inf", "'fps': input should be a finite number"),
         ("camera", "{width: 9, height: 9, fx: 1, fy: 1, cx: .nan, cy: 1, bf: 1}", "'camera.cx'"),
         ("camera", "{width: 2147483647, height: 9, fx: 1, fy: 1, cx: 1, cy: 1, bf: 1}", "65535"),

@@ -497,6 +497,13 @@ def test_stamps_of_other_forms_are_read(tmp_path: Path, stamps: list[str]) -> No
         ),
         (
             [
+                "64 octets de a.b (1.2.3.4) : icmp_seq=1 ttl=57 temps=1 ms",
+                "64 octets de 1.2.3.5\xa0: icmp_seq=2 ttl=57 temps=1 ms",
+            ],
+            "replies of 1.2.3.4 and of 1.2.3.5",
+        ),
+        (
+            [
                 f"{0.2 + (i % 2) / 1000:.6f} 64 bytes from 1.2.3.4: icmp_seq={i} ttl=57 time=1 ms"
                 for i in range(9)
             ],

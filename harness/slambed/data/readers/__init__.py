@@ -11,7 +11,7 @@ import pkgutil
 
 from slambed.data.readers.base import ReaderOptions, SequenceReader
 from slambed.errors import SlambedError
-from slambed.suggestion import did_you_mean
+from slambed.suggestion import suggestion
 
 __all__ = ["ReaderOptions", "SequenceReader", "load_reader", "reader_names"]
 
@@ -24,10 +24,7 @@ def reader_names() -> list[str]:
 def load_reader(name: str) -> type[SequenceReader]:
     """Returns the reader class of the module with this name."""
     if name not in reader_names():
-        raise SlambedError(
-            f"reader '{name}' does not exist{did_you_mean(name, reader_names())}; "
-            f"known: {', '.join(reader_names())}"
-        )
+        raise SlambedError(f"reader '{name}' does not exist; {suggestion(name, reader_names())}")
     module = importlib.import_module(f"{__name__}.{name}")
     reader: type[SequenceReader] = module.Reader
     return reader
