@@ -44,7 +44,7 @@ build: packages ## Compile the C++ programs (inside the image build where Docker
 experiment: setup build ## Run an experiment and show its report: NAME=quickstart [RUNS=3] [ENGINE=auto]
 	@$(SUDO) $(SLAMBED) run $(NAME) $(if $(RUNS),--runs $(RUNS)) $(if $(filter-out auto,$(ENGINE)),--engine $(ENGINE))
 
-paper: setup build ## Run or reuse a paper's experiments and write its page: [PAPER=dynnetslam] [RUNS=plan] [ENGINE=virtual] [BUDGET=2h] [PART=1/3]
+paper: setup build ## Run or reuse a paper's experiments and write its page, by default of all papers, live: for example PAPER=dynnetslam RUNS=plan ENGINE=virtual BUDGET=2h PART=1/3
 	@$(SUDO) $(SLAMBED) papers run $(PAPER) $(if $(RUNS),--runs $(RUNS)) $(if $(filter-out auto,$(ENGINE)),--engine $(ENGINE)) $(if $(BUDGET),--budget $(BUDGET)) $(if $(PART),--part $(PART))
 
 kept: setup ## Write the papers' pages from the packed runs; runs nothing

@@ -40,8 +40,8 @@ def line_and_code(error: BaseException) -> tuple[str, int]:
         return str(refused), int(refused.code)
     if isinstance(error, PermissionError):
         # A file without permission is no bug of ours, whoever owns it.
-        line = f"{error.filename}: {error.strerror}; change its rights, or be who may"
-        return line, int(ExitCode.ENVIRONMENT)
+        remedy = "change its permissions, or run as a user who has them"
+        return f"{error.filename}: {error.strerror}; {remedy}", int(ExitCode.ENVIRONMENT)
     if os.environ.get("SLAMBED_DEBUG"):
         traceback.print_exception(error)
     where = traceback.extract_tb(error.__traceback__)[-1]

@@ -5,6 +5,7 @@ from typing import Annotated
 
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 
+from slambed.files.names import Title
 from slambed.spec.experiment import LinkChoice, Playback, SystemChoice
 from slambed.spec.system import Role
 
@@ -80,7 +81,7 @@ class Targets(BaseModel):
 
     model_config = STRICT
 
-    title: str
+    title: Title
     """One line for the fit's report."""
     dataset: str
     """Sequence that is played."""

@@ -52,8 +52,8 @@ def bisect(
     for text in only or []:
         if Selection.of(text).keys != {CELL}:
             raise SlambedError(
-                f"--only {text}: of bisect it is a combination (* is any text); commits of before "
-                "know no KEY=VALUE"
+                f"--only {text}: bisect takes the name of a combination (* matches any text), "
+                "because older commits do not know KEY=VALUE"
             )
     library = Library()
     found, source = library.experiment(experiment, settings)

@@ -85,7 +85,8 @@ def _entries(catalog: Catalog) -> list[dict[str, object]]:
 def prepare_dataset(
     dataset: Id,
     cache: Annotated[
-        Path | None, typer.Option(help="Cache folder; default $SLAMBED_CACHE.")
+        Path | None,
+        typer.Option(help="Cache folder; default: $SLAMBED_CACHE, else ~/.cache/slambed."),
     ] = None,
 ) -> None:
     """Decode or generate a sequence once; playback then only maps it into memory."""
@@ -238,10 +239,14 @@ def download(
     from slambed.data.download import download as fetch
     from slambed.data.download import recipe_text
 
-    chosen = Catalog.load().get(dataset)
+    catalog = Catalog.load()
+    chosen = catalog.get(dataset)
     folder = places.download_folder()
     if dry_run:
         typer.echo(recipe_text(chosen, folder))
+        return
+    if (found := catalog.locate(chosen)) is not None:
+        typer.echo(f"{chosen.id}: is here already, {found}; move it away to fetch it again")
         return
     with _progress_bar() as bar:
         task = bar.add_task(chosen.id, total=None)

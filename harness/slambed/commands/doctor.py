@@ -146,7 +146,12 @@ def _programs() -> Finding:
             find_program(name)
         host_software()
     except SlambedError as error:
-        return Finding("programs", "missing", str(error), "no relay link, no engine local")
+        return Finding(
+            "programs",
+            "missing",
+            str(error),
+            "no runs, live or virtual, and no generated sequences",
+        )
     return Finding("programs", "good", f"{find_program(PROGRAMS[0]).parent}")
 
 

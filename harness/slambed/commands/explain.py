@@ -39,7 +39,7 @@ def explain(
         typer.Option("--only", help=f"Of an experiment, the median run of this: {SYNTAX}."),
     ] = None,
     output: Annotated[
-        Path | None, typer.Option("-o", "--output", help="Picture: .png, .svg or .pdf.")
+        Path | None, typer.Option("-o", "--output", help="Timeline to write: .png, .svg or .pdf.")
     ] = None,
     begin: Annotated[float | None, typer.Option("--from", help="Run time in s.")] = None,
     end: Annotated[float | None, typer.Option("--to", help="Run time in s.")] = None,
@@ -56,13 +56,14 @@ def explain(
         bool, typer.Option("--path", help="Draw its path over the true one instead.")
     ] = False,
     rerun: Annotated[
-        bool, typer.Option("--rerun", help="--path: a Rerun recording too, where installed.")
+        bool, typer.Option("--rerun", help="--path, and a Rerun recording (needs rerun-sdk).")
     ] = False,
     sequence: Annotated[
         Path | None, typer.Option(help="--rerun: prepared sequence, for images.")
     ] = None,
     out: Annotated[
-        Path | None, typer.Option(help="Folder of the pictures; pictures/ beside the run's files.")
+        Path | None,
+        typer.Option(help="Folder of all pictures; default: pictures/ beside the run's files."),
     ] = None,
 ) -> None:
     """Show what happened in one run: a timeline figure, and the story in text.
@@ -101,6 +102,11 @@ def explain(
         for line in report_lines(log, slowest(log, count)):
             typer.echo(line)
         return
+    if output is not None and (out is not None or path or rerun):
+        raise SlambedError(
+            "--output names the timeline alone; for the folder of all pictures, also of --path, "
+            "give --out instead"
+        )
     if path or rerun:
         for drawn in draw_path(folder, out or folder / PICTURES, rerun, sequence):
             typer.echo(drawn)

@@ -32,7 +32,7 @@ def measure(
     seed: Annotated[int, typer.Option(help="Of losses and jitter.")] = 1,
     tcp: Annotated[bool, typer.Option(help="Also follow a TCP connection's tcpi_rtt.")] = False,
     log: Annotated[Path | None, typer.Option(help="Link log to write: .csv or .parquet.")] = None,
-    output: Annotated[Path | None, typer.Option(help="PNG to write.")] = None,
+    output: Annotated[Path | None, typer.Option(help="Plot to write: .png, .svg or .pdf.")] = None,
 ) -> None:
     """Verify the link on this machine: play a profile between two namespaces, compare requested
     with measured RTT."""

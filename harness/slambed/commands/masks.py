@@ -27,8 +27,15 @@ Id = Annotated[str, typer.Argument(help="id or alias of a dataset, or a prepared
 NetworkName = Annotated[
     str, typer.Option("--network", help="name in catalog/networks/, or 'truth'")
 ]
-Quality = Annotated[int, typer.Option(min=1, max=100, help="of the JPEGs")]
-NMax = Annotated[float, typer.Option("--n-m", min=0, max=1, help="overlap at which two are one")]
+Quality = Annotated[
+    int, typer.Option(min=1, max=100, help="JPEG quality of the pictures that the network gets")
+]
+NMax = Annotated[
+    float,
+    typer.Option(
+        "--n-m", min=0, max=1, help="overlap (0 to 1) above which two finds are one person"
+    ),
+]
 
 
 def list_networks(as_json: JsonOption = False) -> None:

@@ -19,6 +19,6 @@ def renewed(arguments: list[str]) -> tuple[list[str], str]:
     now = OLDER[arguments[0]]
     note = (
         f"note: 'slambed {arguments[0]}' is 'slambed {' '.join(now)}' now; "
-        "the old name goes with the next release"
+        "the next release will not have the old name"
     )
     return [*now, *arguments[1:]], note

@@ -108,7 +108,9 @@ def run(
     ] = None,
     scheduler: SchedulerOption = None,
     slurm: SlurmOption = False,
-    reuse_only: Annotated[bool, typer.Option("--reuse-only", help="Run nothing.")] = False,
+    reuse_only: Annotated[
+        bool, typer.Option("--reuse-only", help="Only write the page, from runs that are there.")
+    ] = False,
 ) -> None:
     """Run or reuse every experiment of a paper, main claims first, and write one page about it."""
     from slambed.campaign.options import Options
@@ -261,7 +263,9 @@ def power(
     results: Annotated[
         Path, typer.Option(help="Where earlier runs say how long one takes.")
     ] = Path("results"),
-    jobs: Annotated[int, typer.Option("--jobs", min=1, help="Virtual runs side by side.")] = 2,
+    jobs: Annotated[
+        int, typer.Option("--jobs", min=1, help="Processes that the estimate assumes.")
+    ] = 2,
 ) -> None:
     """Show what a paper's campaign can decide, and what it costs, before it runs."""
     from slambed.papers.paper_runs import sizes_of

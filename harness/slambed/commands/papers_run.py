@@ -116,7 +116,9 @@ def raise_unless_done(played: Played) -> None:
             f"the budget of {budget} is used: {played.left_words}; the same command goes on",
             ExitCode.NOT_ALL_GOOD,
         )
-    raise_unless_good(played.outcomes, "EXPERIMENT")
+    invalid = [found.folder for found in played.outcomes if found.valid < found.done]
+    first = next((folder.name for folder in invalid if folder is not None), "NAME")
+    raise_unless_good(played.outcomes, first)
     if played.refused:
         name, why = next(iter(played.refused.items()))
         raise SlambedError(

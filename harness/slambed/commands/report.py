@@ -38,8 +38,8 @@ def report(
         typer.Option(
             "-o",
             "--output",
-            help="Folder of the report, of results that are somebody else's; "
-            "--losses: one a row, .csv or .md.",
+            help="Where to write the report, if not beside the runs. "
+            "--losses: table to write, one loss per row (.csv or .md).",
         ),
     ] = None,
     as_json: Annotated[
@@ -49,8 +49,9 @@ def report(
     """Rewrite tables, figures and the page of an experiment from its runs.
 
     --again also recomputes the numbers, for example after a change of a metric or of a ground
-    truth. --losses sorts track losses by cause. relocalization failed: tracking had resumed less
-    than a second before; standstill: frames are missing right before the loss; gap behind an
+    truth. --losses sorts track losses by cause. The first cause that matches
+    applies. lost again: tracking had resumed less than a second before;
+    standstill: frames are missing right before the loss; gap behind an
     update: a map update removed newer keyframes at most half a second before; view change: none of
     these.
     """
@@ -128,7 +129,10 @@ def diff_command(
     html: Annotated[Path | None, typer.Option(help="Page to write, one file.")] = None,
     truth: Annotated[
         bool,
-        typer.Option("--truth", help="A is live, B the same in virtual time: how far B is from A."),
+        typer.Option(
+            "--truth",
+            help="How far virtual runs are from live ones: A is live, B virtual, or A holds both.",
+        ),
     ] = False,
     as_json: JsonOption = False,
 ) -> None:
@@ -193,14 +197,16 @@ def _show_table(table: "Table", output: Path | None) -> None:
 def gate(
     experiments: Annotated[
         list[str] | None,
-        typer.Argument(help="Experiments of tonight; none: --publish what the history has."),
+        typer.Argument(help="Experiments of tonight; without one, --publish shows the history."),
     ] = None,
     baseline: Annotated[
         Path | None, typer.Option(help="Results folder, history (.parquet) or .csv.")
     ] = None,
     results: ResultsOption = RESULTS,
     alpha: Annotated[float, typer.Option(help="Chance of a false alarm in a night.")] = 0.05,
-    history: Annotated[Path | None, typer.Option(help="Append tonight's runs here.")] = None,
+    history: Annotated[
+        Path | None, typer.Option(help="Parquet file to append tonight's runs to.")
+    ] = None,
     first_night: Annotated[
         bool,
         typer.Option("--first-night", help="No baseline yet: only look for valid runs."),
@@ -209,7 +215,7 @@ def gate(
         Path | None, typer.Option(help="Write the history as a page over commits there.")
     ] = None,
     link_to: Annotated[
-        str, typer.Option("--link-to", help="Address of a commit on that page, up to its hash.")
+        str, typer.Option("--link-to", help="Address to which that page appends a commit's hash.")
     ] = "",
 ) -> None:
     """Exit with 1 when tonight's runs are significantly and relevantly worse, or when nothing was

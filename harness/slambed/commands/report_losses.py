@@ -26,7 +26,7 @@ def show_losses(folder: Path, experiment: str, output: Path | None, as_json: boo
     if not runs and len(found.valid_runs):
         raise SlambedError(f"{experiment}: {NONE_ARE_KEPT}")
     if not runs:
-        raise SlambedError(f"no run of {experiment} counts; 'slambed status {experiment}' says why")
+        raise SlambedError(f"no valid run of {experiment}; 'slambed status {experiment}' says why")
     if as_json:
         print_json({"experiment": folder.name, "runs": [_entry(run) for run in runs]})
     else:

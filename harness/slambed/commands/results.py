@@ -15,7 +15,7 @@ app = typer.Typer(help="What is kept of runs, and what it takes.", no_args_is_he
 
 @app.command()
 def size(results: ResultsOption = RESULTS, as_json: JsonOption = False) -> None:
-    """Show how much space the runs of each experiment take, and those in no plan."""
+    """Show how much space the runs of each experiment take, and those that no experiment uses."""
     from slambed.campaign.size import plans, size_of, unnamed
     from slambed.campaign.store import RunStore
 
@@ -28,7 +28,8 @@ def size(results: ResultsOption = RESULTS, as_json: JsonOption = False) -> None:
         return
     for name, keys in plans(results):
         typer.echo(f"{name}: {size_of(store, keys)}")
-    typer.echo(f"in no plan: {size_of(store, unnamed(results))}; free them: slambed results prune")
+    unused = size_of(store, unnamed(results))
+    typer.echo(f"used by no experiment: {unused}; free them: slambed results prune")
 
 
 @app.command()
@@ -42,7 +43,7 @@ def prune(
     ] = False,
     yes: Annotated[bool, typer.Option("--yes", help="Really remove them.")] = False,
 ) -> None:
-    """Remove runs that are in no plan, for example of older sources.
+    """Remove runs that no experiment here uses any more, for example of older sources.
 
     Runs made with other settings than those of the last plan stay: 'slambed run' with the earlier
     settings takes them again. Runs of a system or variant that the experiment no longer names do

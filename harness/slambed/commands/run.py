@@ -100,7 +100,7 @@ def run(
         library = Library()
         if only or force:
             raise SlambedError(
-                "--check looks at the files alone; --dry-run looks at combinations, too"
+                "--check does not take --only or --force; --dry-run shows which runs they select"
             )
         found, source = library.experiment(experiment, settings)
         plan.repetitions(found, runs)
@@ -112,7 +112,7 @@ def run(
         for line in plan.notes(found, library) + plan.remarks_on(profiles):
             typer.echo(f"note: {line}")
         if others:
-            typer.echo(f"engine: {asked}, which only the hosts know when they are asked")
+            typer.echo(f"engine: {asked}; not checked here, because the hosts of --hosts play")
             return
         for line in engine_here(asked, found, library):
             typer.echo(line)

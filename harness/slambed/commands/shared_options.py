@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Options that several commands share because they mean the same in each."""
 
+import shlex
 import sys
 from pathlib import Path
 from typing import Annotated
@@ -50,7 +51,7 @@ def check_cluster(scheduler: str | None, slurm: bool) -> None:
 def interrupted(left: str = "") -> typer.Exit:
     """Shows how to continue after Ctrl-C; returns the exit to raise. `left`: words about what is
     left."""
-    again = " ".join(["slambed", *sys.argv[1:]])
+    again = shlex.join(["slambed", *sys.argv[1:]])
     kept = ", ".join(["finished runs are kept", *([left] if left else [])])
     typer.echo(f"interrupted; {kept}{';' if left else ','} go on with: {again}", err=True)
     return typer.Exit(INTERRUPTED)

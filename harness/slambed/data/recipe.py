@@ -22,7 +22,7 @@ from pydantic import (
 from slambed.data.lens import PLAIN_COUNT, Lens, coefficients_of, model_of
 from slambed.data.model import LARGEST_SIDE, Camera, Sensor
 from slambed.errors import SlambedError
-from slambed.files.names import Id, Name, Sha256
+from slambed.files.names import Id, Name, Sha256, Title
 from slambed.files.outputs import at_home
 from slambed.files.yaml_source import MisplacedError, matching
 from slambed.older_names import RECIPES, keys_today
@@ -142,9 +142,9 @@ class DatasetPlayback(_Strict):
     fps: float | None = Field(default=None, gt=0)
     """Frames per second; null plays as recorded."""
     start_s: float = Field(default=0.0, ge=0)
-    """Sequence time of the first played frame."""
+    """Start of playback, in seconds from the first frame of the prepared sequence."""
     end_s: float | None = Field(default=None, gt=0)
-    """Sequence time at which playback ends; null plays to the end."""
+    """End of playback, in seconds from the same frame; null plays to the end."""
 
     @model_validator(mode="after")
     def _has_length(self) -> Self:
@@ -308,7 +308,7 @@ class Dataset(_Strict):
 
     id: Id
     """Name of the sequence, as of the file or of its folder."""
-    title: str
+    title: Title
     """One line for lists and reports."""
     aliases: tuple[Name, ...] = ()
     """Further names of the sequence."""

@@ -1,14 +1,15 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What names in YAML files may consist of."""
+"""What names and titles in YAML files may consist of."""
 
 import re
 from typing import Annotated
 
-from pydantic import StringConstraints
+from pydantic import AfterValidator, StringConstraints
 
 from slambed.files.yaml_source import Location, MisplacedError, in_words, matching
 
 _WORD_PATTERN = r"^[A-Za-z_][A-Za-z0-9_]*$"
+_CONTROL = re.compile(r"[\x00-\x1f\x7f-\x9f]")
 _OF_A_WORD = "a name of letters (a to z), digits and '_', no digit first"
 _OF_A_NAME = "letters (a to z), digits, '_', '.' and '-', a letter or digit first"
 
@@ -36,6 +37,17 @@ Sha256 = Annotated[
     *matching(r"^[0-9a-f]{64}$", "64 hexadecimal digits"),
 ]
 """Digest of a file."""
+
+
+def _one_line(text: str) -> str:
+    line = " ".join(text.split())
+    if _CONTROL.search(line):
+        raise ValueError("expected text without control characters")
+    return line
+
+
+Title = Annotated[str, AfterValidator(_one_line)]
+"""One line for lists and reports; lines of a longer text are joined."""
 
 
 def must_be_word(name: str, location: Location) -> None:

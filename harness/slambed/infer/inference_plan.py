@@ -7,7 +7,7 @@ from typing import Annotated, Any, Literal
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, model_validator
 
 from slambed.errors import SlambedError
-from slambed.files.names import Name
+from slambed.files.names import Name, Title
 from slambed.files.yaml_source import YamlSource, load_yaml, parse
 from slambed.infer.keys import split_key
 from slambed.papers.published import Paper, paper_files, papers_folder, read_paper, read_papers
@@ -159,7 +159,7 @@ class Inference(BaseModel):
 
     id: Name
     """Name of the plan, as of its file."""
-    title: str
+    title: Title
     """Heading of its page."""
     paper: str
     """Name in papers/, or a .yaml file next to the plan."""

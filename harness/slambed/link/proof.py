@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Compares commanded, applied and measured RTT, and decides whether the link is valid.
+"""Compares asked, applied and measured RTT, and decides whether the link is valid.
 
 An echo sent at run time t should take up(t') + down(t''), where t' = t + the queueing delay on the
 way up and t'' likewise on the way down. The path's base is added: its RTT measured on the same link
-before the run, without added delay. The error is measured - commanded - base. Lost echoes and
+before the run, without added delay. The error is measured - asked - base. Lost echoes and
 echoes that meet an outage (gap) are excluded from the error and counted separately.
 """
 
@@ -55,17 +55,18 @@ class LinkProof:
     base_ms: float
     """RTT of the path before any delay was added."""
     asked_ms_mean: Measured
-    """Mean RTT of the profile at the measured times."""
+    """Mean expected RTT of the compared echoes, without the base: that of the profile; over the
+    relay also the jitter and the wait for the rate of each echo."""
     measured_ms_mean: Measured
     """Mean measured RTT, including the base."""
     error_ms_median: Measured
-    """Median of |measured - commanded - base|."""
+    """Median of |measured - asked - base|."""
     error_ms_p99: Measured
-    """99th percentile of |measured - commanded - base|."""
+    """99th percentile of |measured - asked - base|."""
     error_ms_max: Measured
-    """Maximum of |measured - commanded - base|."""
+    """Maximum of |measured - asked - base|."""
     bias_ms: Measured
-    """Median of the signed error measured - commanded - base."""
+    """Median of the signed error measured - asked - base."""
     late_ms_median: float | None = None
     """Median delivery time beyond the due time, over all packets; null without a packet log."""
     late_ms_p99: float | None = None
@@ -134,7 +135,7 @@ class Comparison:
     usable: NDArray[np.bool_]
     """Echoes with a reply that were not in flight during a gap."""
     error_ms: Values
-    """measured - commanded - base of the usable echoes."""
+    """measured - asked - base of the usable echoes."""
 
 
 def compare(

@@ -207,7 +207,7 @@ METRICS: tuple[Metric, ...] = (
     Text("loss_times_s", 'sequence times of all losses: "22.4 31.07"; empty when none',
          _tracking(lambda t: loss_times_text(t.loss_times_s))),
     LowerIsBetter(
-        "lost_s", "sequence time between each loss and the next pose, or the end",
+        "lost_s", "sum over all losses: sequence time from the loss to the next pose, or the end",
         _tracking(lambda t: t.lost_s), "time without a pose", "s", relevant_step=0.5),
     Count("relocalizations", "times a lost camera was found again",
           _tracking(lambda t: t.relocalizations)),
@@ -331,8 +331,8 @@ METRICS: tuple[Metric, ...] = (
           "longer than its device would; null at the host's pace",
           lambda run: pace.missed(run.log) if run.spec.is_paced else None,
           "stages slower than the device", better="lower", live_only=True),
-    Live("pace_ratio", "at the device's pace: what the stages of the mobile node took, to what its "
-         "device would take undisturbed; null at the host's pace",
+    Live("pace_ratio", "at the device's pace: time of the mobile node's stages, divided by the "
+         "time that its cost model charges; 1 is undisturbed; null at the host's pace",
          lambda run: pace.ratio(run.log) if run.spec.is_paced else None,
          "time of stages to the device's", digits=3),
     LowerIsBetter(
@@ -372,7 +372,7 @@ METRICS: tuple[Metric, ...] = (
         "sent to the mobile", "B", "MB", 1e-6, 2, relevant_step=1e4, type="count",
         use=SHOWN | GATED),
     LowerIsBetter(
-        "link_mbit_s", "both directions together over playback", data_rate_mbit_s,
+        "link_mbit_s", "`bytes_up` and `bytes_down` over playback", data_rate_mbit_s,
         "data rate, both directions", "Mbit/s", digits=2, relevant_step=0.1),
     Count("link_stalls", "how often a channel had bytes under way of which none was acknowledged "
           "for 1 s", link_stalls, "stalls of the link"),
@@ -432,8 +432,8 @@ METRICS: tuple[Metric, ...] = (
     LowerIsBetter(
         "parse_ms_median", "reading it on the edge, wall", _codec("edge", "parse"),
         "reading a keyframe, median", "ms", digits=2, relevant_step=0.1),
-    Metric("rtt_asked_ms_mean", "of the profile over playback", lambda run: run.asked_rtt_ms_mean,
-           "RTT asked, mean", "ms"),
+    Metric("rtt_asked_ms_mean", "of the profile over playback; live over the relay with jitter and "
+           "queueing of the probes", lambda run: run.asked_rtt_ms_mean, "RTT asked, mean", "ms"),
     Live("rtt_measured_ms_mean", "of the probes", lambda run: run.rtt.measured_mean,
          "RTT measured, mean", "ms"),
     LowerIsBetter(
@@ -449,12 +449,13 @@ METRICS: tuple[Metric, ...] = (
     Live("host_stall_ms_max", "longest time for which something else on the host held the mobile "
          "node up", lambda run: host_stall_ms_max(run.log),
          "longest stall by the host", "ms", digits=0),
-    Live("cpu_wait_share", "of the time in which threads of the mobile node wanted a processor and "
-         "their limits allowed one, what they waited for it",
+    Live("cpu_wait_share", "time in which runnable threads of the mobile node waited for a CPU, "
+         "throttling excluded, as share of this wait and their CPU time",
          lambda run: run.mobile.cpu_wait_share,
          "waited for a processor", shown="%", scale=100),
-    Live("host_steal_percent", "of the host's CPU time, what its hypervisor gave to others during "
-         "playback", lambda run: run.host_steal_percent, "CPU time stolen from the host", "%"),
+    Live("host_steal_percent", "CPU time of the host that its hypervisor gave to other guests "
+         "during playback", lambda run: run.host_steal_percent,
+         "CPU time stolen from the host", "%"),
     Metric("wall_s", "duration of playback", lambda run: run.end_s, "playback", "s"),
 )  # fmt: skip
 

@@ -27,7 +27,7 @@ USUAL_FEATURES = 0.5
 class Cause(StrEnum):
     """Causes of a loss; the first matching one applies."""
 
-    JUST_FOUND = "relocalization failed"
+    JUST_FOUND = "lost again"
     STANDSTILL = "standstill"
     GAP = "gap behind an update"
     VIEW = "view change"

@@ -30,7 +30,7 @@ class MaskFile(Record):
     """Segmentation masks of every picture for one threshold ("Mask cache")."""
 
     n_m: float
-    """The threshold."""
+    """The threshold: overlap, 0 to 1, above which two candidates are one person."""
     path: str
     """Path of the file."""
     key: str

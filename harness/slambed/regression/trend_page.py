@@ -44,7 +44,7 @@ def _tiles(found: list[ExperimentTrends], steps: list[Step]) -> list[tuple[str, 
     trends = sum(len(of_cell) for item in found for of_cell in item.cells.values())
     return [
         (str(len(nights)), f"nights, {nights[0]} to {nights[-1]}" if nights else "nights", ""),
-        (str(trends), "metrics of cells", ""),
+        (str(trends), "metrics of combinations", ""),
         (str(worse), "changes for the worse", "bad" if worse else ""),
         (str(len(steps) - worse), "changes for the better", "good" if len(steps) > worse else ""),
     ]

@@ -26,7 +26,7 @@ def held_up(runs: pd.DataFrame) -> Iterator[str]:
         yield (
             f"{cell}: {len(found)} of the runs with a track loss were held up by the host for more "
             f"than {STALL_MS:g} ms, at most {found['host_stall_ms_max'].max():.0f} ms at once; "
-            "tolerances.host_stall_ms_max keeps such runs out"
+            "they count as valid unless the experiment sets tolerances.host_stall_ms_max"
         )
 
 
@@ -42,7 +42,8 @@ def waited(runs: pd.DataFrame, samples: Samples) -> Iterator[str]:
             f"{cell}: in {len(found)} of {sizes[cell]} runs the mobile node waited for a processor "
             f"for more than {100 * WAIT_SHARE:.0f} % of the time in which it wanted one, so its "
             f"stages took longer than the limits of its device explain; most "
-            f"{_most(found, samples)}; tolerances.cpu_wait_share_max keeps such runs out"
+            f"{_most(found, samples)}; they count as valid unless the experiment sets "
+            "tolerances.cpu_wait_share_max"
         )
 
 

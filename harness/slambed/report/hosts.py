@@ -27,8 +27,8 @@ def host_table(results: Results, metrics: list[Metric]) -> Table | None:
             rows.append([str(cell), str(host), f"{len(good)}/{len(part)}", *values])
     return Table(
         "hosts",
-        "The same by host; all combinations of a repetition are made on one host unless it died, "
-        "so that differences between them are none between hosts",
+        "The same by host. Each repetition of all combinations is made on one host (unless it "
+        "failed), so differences between combinations are none between hosts",
         ["cell", "host", "runs", *(item.heading for item in shown)],
         rows,
         words=2,

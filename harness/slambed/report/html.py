@@ -127,9 +127,9 @@ def _tiles(results: Results, cells: list[Cell]) -> list[tuple[str, str, str]]:
     tiles = [
         (runs, "runs", "" if all_there and total else "bad"),
         (f"{valid}", "valid runs", "good" if valid == total and total else "bad"),
-        (f"{len(cells)}", "cells", ""),
-        (f"{lost}", "of them with a track loss", ""),
-        (f"{failed}", "of them did not complete", "bad" if failed else ""),
+        (f"{lost}", "valid runs with a track loss", ""),
+        (f"{failed}", "valid runs that did not complete", "bad" if failed else ""),
+        (f"{len(cells)}", "combinations", ""),
     ]
     if len(proofs):
         tiles.append((f"{proofs.max():.2f} ms", "largest median RTT error of a run", ""))

@@ -9,7 +9,10 @@ import pandas as pd
 from slambed.metrics.collect import events_file, is_stored
 from slambed.report.load import Results
 
-NONE_ARE_KEPT = "no run has its events: packed runs have none without 'results pack --whole'"
+NONE_ARE_KEPT = (
+    "no run has its events: packed runs have them only with --whole or --events; "
+    "'slambed run NAME --force' plays them again"
+)
 
 
 def with_events(

@@ -258,13 +258,14 @@ def _read_runs(
         summary = Summary.read(path / "summary.json")
         if not summary or not isinstance(summary.get("cell"), str):
             there = (path / "summary.json").exists()
-            what = "summary.json is torn or foreign" if there else "no summary.json"
+            what = "summary.json is incomplete or not from slambed" if there else "no summary.json"
             note_problem("torn", f"runs/{path.name}: {what}, run ignored")
             continue
         manifest = Manifest.read(path / "manifest.json") or Manifest()
         if not manifest.model_fields_set:
             note_problem(
-                "manifest", f"runs/{path.name}: no readable manifest.json, circumstances unknown"
+                "manifest",
+                f"runs/{path.name}: no readable manifest.json: host, commit and plan unknown",
             )
         spec = manifest.kept
         found_by = described_by(summary.text("system"), spec.system_folder)
@@ -276,7 +277,9 @@ def _read_runs(
             )
         row, wrong = _typed(summary, known)
         if wrong:
-            note_problem("types", f"runs/{path.name}: not of its type, dropped: {', '.join(wrong)}")
+            note_problem(
+                "types", f"runs/{path.name}: values of the wrong type, dropped: {', '.join(wrong)}"
+            )
         row["run_key"] = path.name
         # The run may have been executed for another experiment under other names.
         called = wanted.get(path.name, {})
@@ -295,7 +298,7 @@ def _read_runs(
             row[f"params.{name}"] = value
         if wanted and path.name not in wanted:
             note_problem(
-                "old", f"runs/{path.name}: not part of the experiment as last run, shown too"
+                "old", f"runs/{path.name}: not in the last plan of the experiment, shown too"
             )
         for warning in manifest.warnings or []:
             note_problem("warnings", f"runs/{path.name}: {warning}")

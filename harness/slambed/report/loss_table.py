@@ -90,9 +90,9 @@ def all_by_cause(runs: list[LostRun]) -> Table:
     causes = _causes_of([loss for run in runs for loss in run.losses])
     table = Table(
         "all_losses",
-        "What every loss followed from; after a recovery: "
-        f"within {AFTER_RECOVERY_S:g} s of it, behind an update that came since.",
-        ["cell", "losses", "per run", *map(str, causes), "behind an update", "after a recovery"],
+        f"What every loss followed from; relocalized: within {AFTER_RECOVERY_S:g} s of a "
+        "relocalization, right behind an update that came in between.",
+        ["cell", "losses", "per run", *map(str, causes), "behind an update", "relocalized"],
     )
     for cell in dict.fromkeys(run.cell for run in runs):
         each = [run.losses for run in runs if run.cell == cell]

@@ -8,7 +8,8 @@ from slambed.files.json_file import Record
 
 @dataclass(frozen=True)
 class Sample:
-    """A row of samples.jsonl and samples.parquet: one node at one time."""
+    """A row of samples.jsonl and samples.parquet: one node at one time. A virtual run has only the
+    first four values; the others are null there."""
 
     t_s: float
     """Run time: CLOCK_MONOTONIC minus t0."""

@@ -13,6 +13,8 @@ from typing import Annotated, Any, Literal, Union, get_args, get_origin, get_typ
 from pydantic import BaseModel, PlainSerializer
 from pydantic.fields import FieldInfo
 
+WITHOUT_UNIT = {"n_m"}
+"""Symbols of a paper that end like a unit."""
 UNITS = {
     "s": "s", "ms": "ms", "us": "us", "ns": "ns", "mb": "MiB", "bytes": "B", "percent": "%",
     "cores": "cores", "m": "m", "deg": "deg", "px": "px",
@@ -137,7 +139,7 @@ def _type(kind: Any) -> str:
 
 
 def _unit(name: str, kind: Any) -> str:
-    if not {int, float} & set(_numbers(kind)):
+    if name in WITHOUT_UNIT or not {int, float} & set(_numbers(kind)):
         return ""
     if name.endswith("bits_per_s"):
         return "bit/s"

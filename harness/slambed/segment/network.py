@@ -16,7 +16,7 @@ from pydantic import BaseModel, ConfigDict, Field, model_validator
 
 from slambed.data.places import cache_folder, no_cache
 from slambed.errors import SlambedError, environment_error
-from slambed.files.names import Id, Sha256
+from slambed.files.names import Id, Sha256, Title
 from slambed.files.yaml_source import load_yaml, parse
 from slambed.native import left_behind, repository_root
 from slambed.older_names import RECIPES, keys_today
@@ -57,7 +57,7 @@ class Network(_Strict):
 
     id: Id
     """Name of the network, as of the file."""
-    title: str
+    title: Title
     """One line for lists and reports."""
     decoder: Literal["people", "selfie"]
     """How its outputs become masks."""

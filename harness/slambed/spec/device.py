@@ -13,7 +13,7 @@ from pydantic import (
     model_validator,
 )
 
-from slambed.files.names import Name
+from slambed.files.names import Name, Title
 from slambed.older_names import STAGES, in_keys
 
 ROUNDING = 1e-3
@@ -26,16 +26,16 @@ class Limits(BaseModel):
 
     model_config = STRICT
 
-    cores: int | None = Field(default=None, ge=1)
+    cores: int | None = Field(default=None, ge=1, le=1024)
     """Number of host CPUs in the node's cpuset; null = all."""
-    quota_cores: float | None = Field(default=None, gt=0)
+    quota_cores: float | None = Field(default=None, gt=0, le=1024)
     """CPU seconds per second, summed over threads; null = no quota."""
     thread_cores: float | None = Field(default=None, gt=0, le=1)
     """CPU seconds per second of each single thread; null = a thread may use the whole quota."""
     period_ms: float = Field(default=10.0, ge=1, le=1000)
     """Length of a quota period. It is short because a thread that used its share sleeps until
     the next period."""
-    memory_mb: int | None = Field(default=None, ge=64)
+    memory_mb: int | None = Field(default=None, ge=64, le=2**24)
     """Memory limit in MiB, page cache included; null = none."""
 
     @model_validator(mode="after")
@@ -137,7 +137,7 @@ class Device(BaseModel):
 
     name: str
     """Name of the device, as of the file."""
-    title: str
+    title: Title
     """One line for lists and reports."""
     limits: Limits
     """What a live node is limited to."""

@@ -12,7 +12,7 @@ from pydantic import (
     model_validator,
 )
 
-from slambed.files.names import Name
+from slambed.files.names import Name, Title
 from slambed.files.yaml_source import matching
 from slambed.spec.board import Roles
 from slambed.spec.device import DeviceChange
@@ -41,9 +41,9 @@ class Playback(BaseModel):
     """At less than the recorded rate every k-th frame is kept (k = recorded rate / `fps`,
     rounded); null plays all frames."""
     start_s: float = Field(default=0.0, ge=0)
-    """Start of the playback, in sequence time."""
+    """Start of the playback, in seconds from the first frame of the prepared sequence."""
     end_s: float | None = Field(default=None, gt=0)
-    """End of the playback, in sequence time; null plays to the end of the sequence."""
+    """End of the playback, in seconds from the same frame; null plays to the end."""
     stop_at_first_loss: bool = False
     """Ends playback at the first track loss, for experiments that only measure whether and when
     it happens."""
@@ -118,8 +118,8 @@ class LinkChoice(BaseModel):
     model_config = STRICT
 
     backend: Literal["auto", "relay", "netem"] = "auto"
-    """What shapes a live link; `auto`: netem where the kernel has it and it can do the profile,
-    else the relay."""
+    """What shapes a live link; `auto`: netem where the kernel has it and the profile has no packet
+    loss, jitter, gap or rate trace, else the relay."""
     profiles: list[str | float | dict[str, Any]] = Field(min_length=1)
     """Names of netem_profiles/*.yaml, constant RTTs in ms, or inline profiles."""
 
@@ -174,7 +174,7 @@ class Experiment(BaseModel):
 
     id: Name
     """Name of the experiment, as of the file."""
-    title: str
+    title: Title
     """Heading of the report."""
     reproduces: list[str] = Field(default_factory=list)
     """Ids of papers, tables, figures and claims that the report compares the runs with."""

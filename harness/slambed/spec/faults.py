@@ -27,7 +27,8 @@ class Fault(BaseModel):
     """kill: SIGKILL. freeze: SIGSTOP, then SIGCONT after `for_s`; the kernel's TCP stack keeps
     running. restart: the killed program starts again in the same namespace and cgroups."""
     link: Literal["cut"] | None = None
-    """All packets in both directions are dropped for `for_s`."""
+    """No packet arrives for `for_s`, in either direction; also those are dropped that were under
+    way. A profile with gaps of its own needs `gap_mode: drop`."""
     for_s: float | None = Field(default=None, gt=0, le=LATEST_S)
     """How long it lasts; of `freeze` and `cut` only, which need it."""
 

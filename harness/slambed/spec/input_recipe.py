@@ -6,7 +6,7 @@ from typing import Literal
 
 from pydantic import BaseModel, Field
 
-from slambed.files.names import Name
+from slambed.files.names import Name, Title
 from slambed.spec.experiment import STRICT, Playback
 from slambed.spec.system import Scalar
 
@@ -42,7 +42,7 @@ class InputRecipe(BaseModel):
 
     id: Name
     """Name of the input, as of the file."""
-    title: str
+    title: Title
     """One line for lists."""
     system: str
     """System whose run makes it."""

@@ -8,7 +8,7 @@ from pydantic import BaseModel, ConfigDict, Field, model_validator
 
 from slambed.data.layouts import SENSORS
 from slambed.errors import SlambedError
-from slambed.files.names import Word, must_be_word
+from slambed.files.names import Title, Word, must_be_word
 from slambed.files.yaml_source import Location, MisplacedError
 from slambed.spec.runtime import Runtime
 from slambed.spec.stages import OwnStage, check_stages
@@ -141,7 +141,7 @@ class Variant(BaseModel):
 
     model_config = STRICT
 
-    title: str = ""
+    title: Title = ""
     """One line for lists."""
     doc: str = ""
     """What a reader must know."""
@@ -156,7 +156,7 @@ class System(BaseModel):
 
     name: str
     """Name of the system, as of its folder."""
-    title: str
+    title: Title
     """Name in tables and figures."""
     roles: list[Role]
     """`[mobile]`, or `[mobile, edge]`."""

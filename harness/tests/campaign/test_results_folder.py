@@ -172,7 +172,7 @@ def test_what_no_plan_names_can_be_freed(tmp_path: Path) -> None:
     folder.close()
     place = ("--results", str(tmp_path))
     code, out, _ = slambed("results", "size", *place)
-    assert code == ExitCode.OK and "tiny: 2 runs" in out and "in no plan: 1 runs" in out
+    assert code == ExitCode.OK and "tiny: 2 runs" in out and "used by no experiment: 1 runs" in out
     code, out, _ = slambed("results", "prune", *place)
     assert code == ExitCode.OK and "would remove 1 runs" in out and len(folder.store.keys()) == 3
     code, out, _ = slambed("results", "prune", "--yes", *place)

@@ -146,7 +146,7 @@ def test_checking_knows_how_long_a_prepared_sequence_is(tmp_path: Path) -> None:
         (("--runs", "some"), "--runs some is neither a number"),
         (("--runs", "0"), "--runs 0 is neither a number"),
         (("--runs", "10001"), "--runs 10001 is neither a number from 1 to 10,000"),
-        (("--only", "nothing"), "--dry-run looks at combinations"),
+        (("--only", "nothing"), "--dry-run shows which runs they select"),
     ],
 )
 def test_checking_looks_at_what_is_asked_for(asked: tuple[str, ...], part: str) -> None:

@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import Literal
 
 import pytest
+from command_line import slambed
 from data_samples import one_line
 
 from slambed.data.catalog import Catalog
@@ -61,6 +62,21 @@ def test_a_verified_recipe_is_carried_out(tmp_path: Path, archive: Path) -> None
     with pytest.raises(SlambedError, match="exists already"):
         download(chosen, tmp_path / "data")
     assert [p.name for p in (tmp_path / "data").iterdir()] == ["sub"]
+
+
+def test_what_is_here_is_not_fetched_again(tmp_path: Path, archive: Path) -> None:
+    folder = tmp_path / "datasets"
+    folder.mkdir()
+    (folder / "own.yaml").write_text(
+        "id: own\ntitle: Own\nreader: tum\nsensor: mono\npaths: [d]\n"
+        f"download: {{url: {archive.as_uri()}, sha256: {digest(archive)}, unpack: tar}}\n"
+    )
+    places = {"SLAMBED_DATASETS": str(folder), "SLAMBED_CACHE": str(tmp_path / "cache")}
+    assert slambed("data", "download", "own", **places)[0] == ExitCode.OK
+    archive.unlink()
+    code, out, err = slambed("data", "download", "own", **places)
+    assert code == ExitCode.OK, err
+    assert f"own: is here already, {tmp_path / 'cache/data/d'}; move it away" in out
 
 
 def test_a_mirror_is_asked_where_the_first_address_is_dead(tmp_path: Path, archive: Path) -> None:

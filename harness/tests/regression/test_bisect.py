@@ -321,4 +321,7 @@ def test_a_results_folder_stands_for_the_one_clean_commit_of_its_runs(tmp_path: 
 def test_a_cell_is_named_as_commits_of_before_name_it() -> None:
     words = ("--good", "HEAD", "--only", "system=edgeslam")
     code, out, err = slambed("bisect", "quickstart", *words)
-    assert (code, out) == (2, "") and "--only system=edgeslam: of bisect it is a combination" in err
+    assert (code, out) == (
+        2,
+        "",
+    ) and "--only system=edgeslam: bisect takes the name of a combination" in err

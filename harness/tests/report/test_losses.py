@@ -112,7 +112,7 @@ def test_every_loss_of_a_run_is_sorted_not_the_first_alone() -> None:
     causes = [named.get(str(cause), "") for cause in Cause]
     assert causes == ["1", "", "1", "1"]
     # The last loss came 0.4 s after a recovery without an update since, so it does not count.
-    assert named["behind an update"] == "1" and named["after a recovery"] == "1"
+    assert named["behind an update"] == "1" and named["relocalized"] == "1"
 
 
 def test_an_update_before_the_recovery_took_nothing_of_it_away() -> None:

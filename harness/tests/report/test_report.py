@@ -265,15 +265,15 @@ def test_torn_missing_and_foreign_files_are_reported(experiment: Path) -> None:
     paths = write_report(experiment, figures=False)
     message = "\n".join([*paths.problems, *results.problems])
     for piece in (
-        f"{keys[0]}: summary.json is torn or foreign", f"{keys[1]}: no summary.json",
-        "notes.txt: not a run folder", "stranger: summary.json is torn or foreign",
+        f"{keys[0]}: summary.json is incomplete or not from slambed", f"{keys[1]}: no summary.json",
+        "notes.txt: not a run folder", "stranger: summary.json is incomplete or not from slambed",
         f"{keys[5]}: no readable manifest.json", f"{keys[2]}/events.parquet: unreadable",
     ):  # fmt: skip
         assert piece in message
     page = (experiment / "report" / "index.html").read_text()
-    assert "summary.json is torn or foreign" in page
+    assert "summary.json is incomplete or not from slambed" in page
     assert len(pd.read_csv(experiment / "summary.csv")) == 10
-    assert "torn or foreign" in (experiment / "report.md").read_text()
+    assert "incomplete or not from slambed" in (experiment / "report.md").read_text()
 
 
 def test_values_of_wrong_type_do_not_stop_a_report(experiment: Path) -> None:

@@ -219,12 +219,12 @@ def test_a_watcher_that_somebody_ended_is_started_again() -> None:
 
 
 def test_a_watcher_that_does_not_answer_is_late_itself(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(host_late, "PATIENCE_S", 0.2)
     watch, began_s = Watch(), time.monotonic()
     try:
         watch.start()
         assert watch.process is not None
         watch.process.send_signal(signal.SIGSTOP)
+        monkeypatch.setattr(host_late, "PATIENCE_S", 0.2)
         watch.ask()
         assert watch.lateness([Window(began_s, time.monotonic())]).is_late
         assert watch.process is None

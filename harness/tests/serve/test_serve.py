@@ -266,7 +266,7 @@ def test_a_broken_run_has_a_page_that_says_so(client: Client, results: Path) -> 
     page = client.page(f"{EXPERIMENT}runs/{LOSSY}/")
     assert "This run cannot be shown" in page and "Traceback" not in page
     assert client.ask(f"{EXPERIMENT}runs/{LOSSY}/data.json")[0] == 404
-    assert "summary.json is torn or foreign" in client.page(EXPERIMENT)
+    assert "summary.json is incomplete or not from slambed" in client.page(EXPERIMENT)
     (folder / "events.parquet").unlink()
     assert "no events in" in client.page(f"{EXPERIMENT}runs/{LOSSY}/")
     # The other pages still work.

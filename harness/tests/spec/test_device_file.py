@@ -127,6 +127,31 @@ def test_a_device_of_ours_with_its_own_model_written_again_is_the_same(
     assert path.read_text().count("# And again.") == 1 and "The same." not in path.read_text()
 
 
+@pytest.mark.parametrize(
+    ("line", "complaint"),
+    [
+        ('title: "a\\u0007b"', "'title': expected text without control characters"),
+        ("title: a\nlimits: {cores: 100000}", "'limits.cores': input should be less than or equal"),
+        (
+            "title: a\nlimits: {memory_mb: 99999999}",
+            "'limits.memory_mb': input should be",
+        ),
+    ],
+)
+def test_what_no_device_has_is_refused(line: str, complaint: str, tmp_path: Path) -> None:
+    path = tmp_path / "board.yaml"
+    limits = "" if "limits" in line else "\nlimits: {}"
+    path.write_text(f"name: board\n{line}{limits}\n")
+    with pytest.raises(SlambedError, match=complaint):
+        read_model(Device, path)
+
+
+def test_lines_of_a_title_are_joined(tmp_path: Path) -> None:
+    path = tmp_path / "board.yaml"
+    path.write_text("name: board\nlimits: {}\ntitle: |\n  one\n  two\n")
+    assert read_model(Device, path).title == "one two"
+
+
 @pytest.mark.parametrize("text", ["- a list\n", "name: [\n", ""])
 def test_what_is_no_device_is_one_line(text: str, tmp_path: Path) -> None:
     path = tmp_path / "board.yaml"

@@ -133,7 +133,7 @@ def judge_effect(
     limit = f"{margin:.0%}" if kind == "ratio" else f"{margin:.3g}"
     verdict = Verdict(
         "inconclusive",
-        f"{reported}, neither within {limit} nor without {_none(kind)}",
+        f"{reported}, neither within {limit} nor excluding {_none(kind)}",
         formula,
         kind,
         found.value,
@@ -147,7 +147,7 @@ def judge_effect(
         why = f"{reported}, 90 % within {limit}"
         return replace(verdict, outcome="reproduced", why=why)
     if differs:
-        why = f"{reported}, 95 % without {_none(kind)}"
+        why = f"{reported}, 95 % excludes {_none(kind)}"
         return replace(verdict, outcome="differs", why=why)
     return verdict
 

@@ -64,7 +64,7 @@ def judge_share(ours: Share, paper: Share, margin: float | None = None) -> Verdi
     message = f"{100 * effect:+.0f} points [{100 * float(low):+.0f}, {100 * float(high):+.0f}]"
     found = Verdict(
         "inconclusive",
-        f"{message}, neither within {100 * bound:.3g} nor without zero",
+        f"{message}, neither within {100 * bound:.3g} nor excluding zero",
         FORMULA,
         "points",
         effect,
@@ -76,7 +76,7 @@ def judge_share(ours: Share, paper: Share, margin: float | None = None) -> Verdi
         why = f"{message}, 90 % within {100 * bound:.3g}"
         return replace(found, outcome="reproduced", why=why)
     if differs:
-        why = f"{message}, 95 % without zero"
+        why = f"{message}, 95 % excludes zero"
         return replace(found, outcome="differs", why=why)
     return replace(found, runs_needed=runs_to_decide(ours, paper, bound))
 

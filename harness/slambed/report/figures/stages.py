@@ -98,7 +98,7 @@ def _stage_bars(table: pd.DataFrame, condition: Condition, writer: FigureWriter)
         axis.tick_params(axis="y", labelsize=NAME_PT)
         axis.set_ylim(len(stages) - 0.4, -0.6)
         axis.grid(axis="y", visible=False)
-        axis.set_xlabel("wall time per frame, keyframe or call [ms]")
+        axis.set_xlabel("time per frame, keyframe or call [ms]")
         legend_beneath(made, axis)
         title = f"Stage times: {condition.title}"
         axis.set_title(title)
@@ -106,9 +106,10 @@ def _stage_bars(table: pd.DataFrame, condition: Condition, writer: FigureWriter)
             made,
             file_name("stages", condition.dataset, condition.profile),
             title,
-            f"Wall time of each stage, mean of up to {RUNS_READ} runs per system: per tracked "
-            "frame (extract, track), per new keyframe (create_keyframe, serialize), per mapped "
-            "keyframe (insert to cull_keyframes), else per call.",
+            "Duration of each stage (live: wall time, virtual: from the device's cost model), "
+            f"mean of up to {RUNS_READ} runs per system: per tracked frame (extract, track), per "
+            "new keyframe (create_keyframe, serialize), per mapped keyframe (insert to "
+            "cull_keyframes), else per call.",
             table,
         )
 
