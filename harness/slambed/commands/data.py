@@ -12,7 +12,7 @@ from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 from rich.table import Table
 
-from slambed.commands.shared_options import PictureOption
+from slambed.commands.shared_options import SheetOption
 from slambed.data import places
 from slambed.errors import ExitCode
 from slambed.files.outputs import SHEETS, figure_file, writing
@@ -86,7 +86,10 @@ def prepare_dataset(
     dataset: Id,
     cache: Annotated[
         Path | None,
-        typer.Option(help="Cache folder; default: $SLAMBED_CACHE, else ~/.cache/slambed."),
+        typer.Option(
+            help="Cache folder; default: $SLAMBED_CACHE, else slambed/ in $XDG_CACHE_HOME or "
+            "~/.cache."
+        ),
     ] = None,
 ) -> None:
     """Decode or generate a sequence once; playback then only maps it into memory."""
@@ -140,7 +143,7 @@ def verify(path: Annotated[Path, typer.Argument(help="folder of a prepared seque
 @app.command()
 def show(
     dataset: Id,
-    output: PictureOption = None,
+    output: SheetOption = None,
     frames: Annotated[int, typer.Option(min=1, max=200, help="pictures on the sheet")] = 12,
 ) -> None:
     """Write a contact sheet of a sequence."""
@@ -231,7 +234,10 @@ def where() -> None:
 @app.command()
 def download(
     dataset: Id,
-    force: Annotated[bool, typer.Option(help="fetch although the checksum is not known")] = False,
+    force: Annotated[
+        bool,
+        typer.Option(help="fetch although the checksum is not known; not what is here already"),
+    ] = False,
     dry_run: Annotated[bool, typer.Option(help="only print the recipe")] = False,
 ) -> None:
     """Fetch a dataset whose checksum is known, or print where it comes from."""

@@ -23,8 +23,13 @@ from slambed.spec.software import host_software
 Level = Literal["good", "missing", "fatal"]
 MIN_CORES = 2
 MIN_FREE_GB = 5
-PROGRAMS = ("slambed-node", "slambed-sim", "slambed-relay", "slambed-pace", "slambed-synth",
-            "slambed-play")  # fmt: skip
+_LIVE = "no live runs"
+PROGRAMS = {
+    "slambed-node": _LIVE, "slambed-sim": "no virtual runs", "slambed-relay": _LIVE,
+    "slambed-pace": _LIVE, "slambed-synth": "no generated sequences",
+    "slambed-play": "no runs of your own SLAM system",
+}  # fmt: skip
+"""Program -> what does not work without it."""
 
 
 @dataclass(frozen=True)
@@ -141,18 +146,19 @@ def _image() -> Finding:
 
 
 def _programs() -> Finding:
+    costs: dict[str, str] = {}
+    for name, cost in PROGRAMS.items():
+        try:
+            folder = find_program(name).parent
+        except SlambedError as error:
+            costs.setdefault(cost, str(error))
+    if costs:
+        return Finding("programs", "missing", next(iter(costs.values())), ", ".join(costs))
     try:
-        for name in PROGRAMS:
-            find_program(name)
         host_software()
     except SlambedError as error:
-        return Finding(
-            "programs",
-            "missing",
-            str(error),
-            "no runs, live or virtual, and no generated sequences",
-        )
-    return Finding("programs", "good", f"{find_program(PROGRAMS[0]).parent}")
+        return Finding("programs", "missing", str(error), "no runs, live or virtual")
+    return Finding("programs", "good", f"{folder}")
 
 
 def _cgroups() -> Finding:

@@ -84,6 +84,11 @@ def explain(
     from slambed.explain.story import story
     from slambed.metrics.losses import sentence
 
+    if output is not None and (out is not None or path or rerun):
+        raise SlambedError(
+            "--output names the timeline alone; for the folder of all pictures, also of --path, "
+            "give --out instead"
+        )
     if (experiment := experiment_named(run, results)) is not None:
         median = median_run_of(experiment, only or ())
         typer.echo(f"run {median.key}: the median of {median.among} of {median.cell}")
@@ -102,11 +107,6 @@ def explain(
         for line in report_lines(log, slowest(log, count)):
             typer.echo(line)
         return
-    if output is not None and (out is not None or path or rerun):
-        raise SlambedError(
-            "--output names the timeline alone; for the folder of all pictures, also of --path, "
-            "give --out instead"
-        )
     if path or rerun:
         for drawn in draw_path(folder, out or folder / PICTURES, rerun, sequence):
             typer.echo(drawn)

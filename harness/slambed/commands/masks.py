@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 from rich.table import Table
 
-from slambed.commands.shared_options import PictureOption
+from slambed.commands.shared_options import SheetOption
 from slambed.data.places import picture
 from slambed.files.outputs import SHEETS, figure_file
 from slambed.segment import TRUTH
@@ -73,7 +73,7 @@ def show(
     quality: Quality = QUALITY,
     n_m: NMax = N_M,
     frames: Annotated[int, typer.Option(min=1, max=200, help="pictures on the sheet")] = 16,
-    output: PictureOption = None,
+    output: SheetOption = None,
 ) -> None:
     """Write a contact sheet of a sequence's masks."""
     from slambed.segment.sheet import write_mask_sheet

@@ -32,7 +32,13 @@ SlurmOption = Annotated[
 ]
 PictureOption = Annotated[
     Path | None,
-    typer.Option("--output", help="PNG to write; default: in the cache, its path is printed."),
+    typer.Option(
+        "--output", help=".png, .svg or .pdf to write; default: in the cache, its path is printed."
+    ),
+]
+SheetOption = Annotated[
+    Path | None,
+    typer.Option("--output", help=".png to write; default: in the cache, its path is printed."),
 ]
 
 

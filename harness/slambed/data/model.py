@@ -45,9 +45,8 @@ calibration in other units than pixels is hundreds of pictures outside."""
 def implausible(cx: float, cy: float, baseline_m: float, size: tuple[int, int]) -> str:
     """Returns what no camera has: a principal point more than two pictures outside of its own, or
     a baseline below 0 or above 20 m; empty if all is plausible."""
-    for name, value, side in (("cx", cx, size[0]), ("cy", cy, size[1])):
-        if not -FARTHEST_OUTSIDE * side <= value <= (1 + FARTHEST_OUTSIDE) * side:
-            return f"{name} {value:g} is far outside of a picture of {size[0]}x{size[1]}"
+    if outside := _outside(cx, cy, size, FARTHEST_OUTSIDE):
+        return f"{outside} is far outside of a picture of {size[0]}x{size[1]}"
     if baseline_m < 0:
         return f"a baseline of {baseline_m:g} m, expected 0 or more; are left and right swapped?"
     if not baseline_m <= LONGEST_BASELINE_M:
@@ -57,12 +56,20 @@ def implausible(cx: float, cy: float, baseline_m: float, size: tuple[int, int]) 
 
 def beside_picture(cx: float, cy: float, size: tuple[int, int]) -> str:
     """Returns a remark on a principal point outside of its picture; empty if it is inside."""
+    if not (outside := _outside(cx, cy, size, 0)):
+        return ""
+    return (
+        f"{outside} is outside of a picture of {size[0]}x{size[1]}: right only if it was cut from "
+        "a larger one"
+    )
+
+
+def _outside(cx: float, cy: float, size: tuple[int, int], pictures: int) -> str:
+    """Returns `cx 900`, the first coordinate that is more than so many pictures outside of its own,
+    or not a number; empty if none is."""
     for name, value, side in (("cx", cx, size[0]), ("cy", cy, size[1])):
-        if not 0 <= value <= side:
-            return (
-                f"{name} {value:g} is outside of a picture of {size[0]}x{size[1]}: right only if "
-                "it was cut from a larger one"
-            )
+        if not -pictures * side <= value <= (1 + pictures) * side:
+            return f"{name} {value:g}"
     return ""
 
 

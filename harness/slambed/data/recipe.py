@@ -290,7 +290,7 @@ DatasetName = Annotated[
         "the name of a dataset, or of a .yaml file",
     ),
 ]
-"""Of another dataset."""
+"""As a dataset file names another one."""
 _OF_THE_SOURCE = (
     "paths", "camera", "depth_unit_m", "close_depth_baselines", "fps", "groundtruth",
     "reader_options", "download",

@@ -35,7 +35,7 @@ WAS_RUN: tuple[Missing, ...] = ("no_events", "no_metric")
 OrderKind = OrderOutcome | Literal["not_run", "half_run", "no_events", "no_number"]
 KINDS: dict[OrderKind, str] = {
     "holds": "holds", "reversed": "reversed", "not_seen": "not shown by ours",
-    "too_few_runs": "too few runs", "inconclusive": "inconclusive",
+    "too_few_runs": "inconclusive, too few runs", "inconclusive": "inconclusive",
     "not_shown_by_paper": "not shown by the paper", "no_events": "run, events not kept",
     "no_number": "no number of ours", "half_run": "not all run", "not_run": "not run",
 }  # fmt: skip
@@ -307,16 +307,17 @@ def _value(measured: Measured) -> str:
 
 
 OUTCOMES: dict[OrderKind, str] = {
-    "holds": "hold", "reversed": "reversed", "not_seen": "not_seen", "too_few_runs": "open",
-    "inconclusive": "open", "not_shown_by_paper": "unshown", "not_run": "waiting",
+    "holds": "hold", "reversed": "reversed", "not_seen": "not_seen", "too_few_runs": "inconclusive",
+    "inconclusive": "inconclusive", "not_shown_by_paper": "unshown", "not_run": "waiting",
     "half_run": "waiting", "no_events": "waiting", "no_number": "waiting",
 }  # fmt: skip
 """Outcome of an ordering -> its group in the headline."""
 
 
 def outcome_of(item: JudgedOrdering) -> str:
-    """Returns an ordering's group, for headlines: hold, reversed, in_part, not_seen, open
-    (cannot be told), unshown (by the paper's own numbers), waiting (no runs of ours) or fitted."""
+    """Returns an ordering's group, for headlines: hold, reversed, in_part, not_seen,
+    inconclusive (with too few runs too), unshown (by the paper's own numbers), waiting (no runs of
+    ours) or fitted."""
     group = OUTCOMES[item.kind]
     if item.provenance == "fitted" and group in ("hold", "reversed", "not_seen"):
         return "fitted"

@@ -132,7 +132,7 @@ HEADINGS = {
     "reversed": "Reversed",
     "in_part": "Reversed in part",
     "not_seen": "Not shown by ours",
-    "open": "Cannot be told",
+    "inconclusive": "Inconclusive",
     "unshown": "Not shown by the paper's own numbers",
     "waiting": "No number of ours",
     "fitted": "Numbers were set to match",

@@ -290,7 +290,7 @@ OUTCOME_WORDS: dict[str, tuple[str, str]] = {
     "reversed": ("is reversed", "are reversed"),
     "in_part": ("is reversed in part", "are reversed in part"),
     "not_seen": ("is not shown by ours", "are not shown by ours"),
-    "open": ("cannot be told", "cannot be told"),
+    "inconclusive": ("is inconclusive", "are inconclusive"),
     "unshown": (
         "is not shown by the paper's own numbers",
         "are not shown by the paper's own numbers",
@@ -388,7 +388,7 @@ def _numbers(verdicts: PaperVerdicts, column: Column) -> Headline:
     ]
     verb = "are" if judged > 1 else "is"
     says = f"Of {counted.printed} printed numbers {judged or 'none'} {verb} judged"
-    parts = ((marks["R"], "reproduced"), (marks["D"], "different"), (marks["I"], "open"))
+    parts = ((marks["R"], "reproduced"), (marks["D"], "different"), (marks["I"], "inconclusive"))
     how = ", ".join(f"{number} {word}" for number, word in parts)
     return Headline(f"{says}: {how}." if judged else f"{says}.", rest)
 

@@ -114,3 +114,20 @@ def test_one_cpu_is_a_line_of_the_doctor(monkeypatch: pytest.MonkeyPatch) -> Non
     monkeypatch.setattr(doctor.os, "sched_getaffinity", lambda _: {0})
     found = doctor._cores()
     assert found.level == "missing" and "share one core" in found.cost
+
+
+def test_the_doctor_says_what_a_missing_program_costs(monkeypatch: pytest.MonkeyPatch) -> None:
+    gone = {"slambed-relay", "slambed-pace", "slambed-synth"}
+
+    def find(name: str) -> Path:
+        if name in gone:
+            raise SlambedError(f"{name} is not built")
+        return Path("bin") / name
+
+    monkeypatch.setattr(doctor, "find_program", find)
+    monkeypatch.setattr(doctor, "host_software", lambda: "s")
+    found = doctor._programs()
+    assert (found.level, found.found) == ("missing", "slambed-relay is not built")
+    assert found.cost == "no live runs, no generated sequences"
+    gone.clear()
+    assert doctor._programs().level == "good"

@@ -72,6 +72,17 @@ def test_what_leaves_no_single_combination_is_one_line(
     assert says in refused(ExitCode.BAD_INPUT, "explain", *arguments, "--results", str(results))
 
 
+@pytest.mark.parametrize("other", [("--out", "pictures"), ("--path",)])
+def test_a_timeline_file_beside_a_folder_of_pictures_is_refused_at_once(
+    results: Path, other: tuple[str, ...]
+) -> None:
+    line = refused(
+        ExitCode.BAD_INPUT, "explain", "invented", "--only", "system=edgeslam", "--output", "a.png",
+        *other, "--results", str(results),
+    )  # fmt: skip
+    assert "--output names the timeline alone" in line
+
+
 def test_without_events_there_is_nothing_to_explain(tmp_path: Path) -> None:
     runs = [(spec_of("orbslam2", "default", None, 0), RawRun(4.0, edge=False))]
     folder = write_experiment(tmp_path, runs)

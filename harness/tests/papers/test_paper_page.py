@@ -213,7 +213,8 @@ def test_where_nothing_could_be_compared_nothing_is_said_to_agree_or_differ(
     some = compare_paper(dynnetslam, pool_of([table_2(lost, 100)]), [])
     reported = paper_view.headline(some, some.columns[0])[1]
     found = re.fullmatch(
-        r"Of 163 printed numbers (1\d) are judged: (\d+) reproduced, (\d+) different, (\d+) open\.",
+        r"Of 163 printed numbers (1\d) are judged: (\d+) reproduced, (\d+) different, "
+        r"(\d+) inconclusive\.",
         reported.says,
     )
     assert found is not None
@@ -331,13 +332,12 @@ def test_too_few_runs_say_how_many_would_decide(dynnetslam: Paper, tmp_path: Pat
     lines = {c.anchor: c for c in claim_lines(page.verdicts.columns[0])}
     claim = lines["dynnet.O03"]
     assert (claim.badge, claim.chance) == (
-        "TOO FEW RUNS",
+        "INCONCLUSIVE, TOO FEW RUNS",
         "30 runs of each combination would decide",
     )
     assert claim.chance in claim.line and claim.chance in claim.note
-    assert "<b>TOO FEW RUNS</b>: our runs do not show it, and may well have missed it" in (
-        page.html.read_text()
-    )
+    defined = "<b>INCONCLUSIVE, TOO FEW RUNS</b>: our runs do not show it, and may well have missed"
+    assert defined in page.html.read_text()
 
 
 def test_reasons_beyond_the_largest_are_counted_and_listed(
