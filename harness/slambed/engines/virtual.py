@@ -14,10 +14,11 @@ import signal
 import subprocess
 import threading
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 from slambed.engines.base import last_line
 from slambed.engines.child_end import end_of
@@ -108,8 +109,13 @@ def _model(device: Device) -> CostModel:
 
 def feature_key(spec: RunSpec) -> str:
     """Returns everything that the features of a sequence depend on."""
-    orb = {n: v for n, v in spec.params.items() if n.startswith("n_orb") or n in SEEN_FROM}
-    return canonical_json({"sequence": spec.sequence_checksum, "software": spec.software, **orb})
+    seen = seen_with(spec.params)
+    return canonical_json({"sequence": spec.sequence_checksum, "software": spec.software, **seen})
+
+
+def seen_with(params: Mapping[str, Any]) -> dict[str, Any]:
+    """Returns the parameters on which features depend."""
+    return {n: v for n, v in params.items() if n.startswith("n_orb") or n in SEEN_FROM}
 
 
 def feature_file(folder: Path, spec: RunSpec) -> Path:

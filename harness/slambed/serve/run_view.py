@@ -20,6 +20,7 @@ from slambed.metrics.network import curve, known_rtt
 from slambed.metrics.summary import Summary
 from slambed.records.manifest import Manifest
 from slambed.report.alignment import alignment_of, played
+from slambed.serve.features import FeatureFile, map_points
 from slambed.serve.thinned import decimated, numbers
 from slambed.spec.experiment import Playback
 
@@ -28,6 +29,8 @@ Notify = Callable[[dict[str, Any]], str]
 
 MOST_FRAMES = 20_000
 MOST_POSES = 4_000
+SAME_TIME_S = 2e-3
+"""A frame and its pose are at most so far apart."""
 GAP_S = 0.5
 """Longest time without a pose before the path is drawn with a gap."""
 SMOOTH_S = 0.5
@@ -68,13 +71,17 @@ class RunFiles:
 
 
 def run_json(
-    run: RunFiles, truth: Path | None, sequence: PreparedSequence | None
+    run: RunFiles,
+    truth: Path | None,
+    sequence: PreparedSequence | None,
+    features: FeatureFile | None,
 ) -> dict[str, Any]:
-    """Returns everything that the page's scripts draw, in seconds of run time and meters. Raises
-    SlambedError if the run has no events."""
+    """Returns everything that the page's scripts draw, in seconds of run time and meters; paths and
+    map in sequence time. Raises SlambedError if the run has no events."""
     log = read_run(run.folder)
     frames = frames_of(log, run, sequence)
-    origin_s = _origin_s(frames, run, log, sequence)
+    path = _aligned(run, truth)
+    zero_s = _origin_s(frames, run, log, sequence) or 0.0
     return {
         "end_s": numbers(max(log.end_s, 0.001)),
         "frames": frames,
@@ -86,8 +93,11 @@ def run_json(
         ],
         "marks": _marks(log),
         "series": _series(log),
-        "path": _path(run, truth, origin_s),
+        "path": {"how": path.how, "estimate": _points(path.estimate, zero_s),
+                 "truth": _points(path.truth, zero_s)},
+        "map": _map(log, path.estimate, zero_s, sequence, features),
         "has_pictures": sequence is not None,
+        "has_features": features is not None,
     }  # fmt: skip
 
 
@@ -246,8 +256,16 @@ def _origin_s(
     return float(estimate.stamps_s[0]) if len(estimate) else None
 
 
-def _path(run: RunFiles, truth_file: Path | None, origin_s: float | None) -> dict[str, Any]:
-    """Returns the estimated path, aligned to the ground truth as for its ATE."""
+@dataclass(frozen=True)
+class _Paths:
+    """The estimated path, aligned to the ground truth as for its ATE."""
+
+    how: str
+    estimate: Trajectory
+    truth: Trajectory
+
+
+def _aligned(run: RunFiles, truth_file: Path | None) -> _Paths:
     estimate = _read(run.folder / "trajectory.txt")
     truth = _read(truth_file) if truth_file is not None else EMPTY
     how = "no true path is known: the estimate in its own frame"
@@ -259,8 +277,41 @@ def _path(run: RunFiles, truth_file: Path | None, origin_s: float | None) -> dic
             how = "aligned by Sim(3), with its scale" if kind == "sim3" else "aligned, no scale"
         except SlambedError as few:
             how, truth = f"not aligned: {few}", EMPTY
-    zero_s = origin_s or 0.0
-    return {"how": how, "estimate": _points(estimate, zero_s), "truth": _points(truth, zero_s)}
+    return _Paths(how, estimate, truth)
+
+
+def _map(
+    log: RunLog,
+    estimate: Trajectory,
+    zero_s: float,
+    sequence: PreparedSequence | None,
+    features: FeatureFile | None,
+) -> dict[str, Any]:
+    """Returns the keyframes that have a pose, and the points that they see: coordinates, and how
+    many there are after each keyframe."""
+    created = log.of("keyframe_created", node="mobile")
+    keyframes: list[tuple[int, int]] = []
+    times_s: list[float] = []
+    if len(estimate) and {"frame", "seq_s"} <= set(created):
+        created = created.dropna(subset=["frame", "seq_s"]).sort_values("seq_s", kind="stable")
+        for frame, seq_s in zip(created["frame"], created["seq_s"], strict=True):
+            pose = int(np.argmin(np.abs(estimate.stamps_s - zero_s - seq_s)))
+            if abs(estimate.stamps_s[pose] - zero_s - seq_s) < SAME_TIME_S:
+                keyframes.append((int(frame), pose))
+                times_s.append(float(seq_s))
+    points, ends = np.zeros((0, 3)), [0] * len(keyframes)
+    if sequence is not None and features is not None and estimate.has_orientation:
+        points, ends = map_points(features, sequence, keyframes, estimate)
+    return {
+        "t_s": numbers(times_s),
+        "keyframes": _columns_of(estimate.positions_m[[pose for _, pose in keyframes]]),
+        "points": _columns_of(np.round(points, 3)),
+        "ends": ends,
+    }
+
+
+def _columns_of(points: Floats) -> dict[str, list[Any]]:
+    return {name: numbers(points[:, axis].tolist()) for axis, name in enumerate("xyz")}
 
 
 def _read(path: Path) -> Trajectory:

@@ -22,6 +22,8 @@ from slambed.report.told import told
 from slambed.serve.answer import Answer, as_json, content, error_page, moved, page
 from slambed.serve.experiment_view import LoadedExperiment, RunFilter, figures_of
 from slambed.serve.experiments import ExperimentEntry, is_experiment, listed, names_of, status_of
+from slambed.serve.features import NOT_HERE as NO_FEATURES
+from slambed.serve.features import FeatureFiles, frame_json
 from slambed.serve.guard import TYPES, file_in, report_policy
 from slambed.serve.kept import PageCache, stamp_of
 from slambed.serve.pictures import NOT_HERE, Pictures
@@ -31,7 +33,7 @@ from slambed.spec.run_spec import run_name
 Query = Mapping[str, list[str]]
 
 EXPERIMENTS, PAPERS, STATIC = "experiments", "papers", "static"
-OWN_SCRIPTS = ("follow.js", "run.js", "lanes.js", "space.js")
+OWN_SCRIPTS = ("follow.js", "run.js", "lanes.js", "space.js", "features.js")
 SHARED_SCRIPTS = ("view_math.js", "figures.js", "lanes_zoom.js")
 """Scripts that reports also contain."""
 OF_EXPERIMENT = ("summary.csv", "report.md", "experiment.json")
@@ -51,6 +53,7 @@ class Site:
         self._listed: PageCache[ExperimentEntry] = PageCache(1000)
         self._runs: PageCache[dict[str, Any]] = PageCache(MOST_RUNS)
         self._pictures = Pictures()
+        self._features = FeatureFiles()
         self._static = {
             "style.css": (STYLE + _own("serve.css"), "text/css; charset=utf-8"),
             **{name: (_own(name), "text/javascript; charset=utf-8") for name in OWN_SCRIPTS},
@@ -115,6 +118,8 @@ class Site:
                 return as_json(self._run_data(name, run))
             case ["frames", picture] if picture.removesuffix(".jpg").isdecimal():
                 return self._picture(run, int(picture.removesuffix(".jpg")))
+            case ["features", frame] if frame.removesuffix(".json").isdecimal():
+                return self._features_of(run, int(frame.removesuffix(".json")))
             case ["files", file] if file in OF_RUN:
                 return self._file(run, [file])
         return None
@@ -227,9 +232,11 @@ class Site:
         found = RunFiles.of(run)
         sequence = self._pictures.sequence(found.manifest.sequence_checksum)
         truth = self._truth(name, found)
-        key = (name, run.name, sequence is not None)
+        features = self._features.of(found.manifest)
+        key = (name, run.name, sequence is not None, features is not None)
+        make: Callable[[], dict[str, Any]] = lambda: run_json(found, truth, sequence, features)  # noqa: E731
         with _not_found_if_broken():
-            return self._runs.get(key, stamp, lambda: run_json(found, truth, sequence))[1]
+            return self._runs.get(key, stamp, make)[1]
 
     def _truth(self, name: str, run: RunFiles) -> Path | None:
         dataset = run.summary.text("dataset")
@@ -248,6 +255,7 @@ class Site:
         except SlambedError as error:
             broken = str(error)
         sequence = self._pictures.sequence(found.manifest.sequence_checksum)
+        features = self._features.of(found.manifest)
         return page(
             "serve_run.html.j2",
             name=name,
@@ -258,6 +266,7 @@ class Site:
             story=lines,
             timeline=svg,
             no_pictures=None if sequence is not None else NOT_HERE,
+            no_features=NO_FEATURES if sequence is not None and features is None else None,
             files=[file for file in OF_RUN if (run / file).is_file()],
         )
 
@@ -272,6 +281,15 @@ class Site:
         checksum = RunFiles.of(run).manifest.sequence_checksum
         data = self._pictures.jpeg(checksum, frame)
         return None if data is None else content(data, "image/jpeg", cache=A_DAY)
+
+    def _features_of(self, run: Path, frame: int) -> Answer | None:
+        manifest = RunFiles.of(run).manifest
+        sequence = self._pictures.sequence(manifest.sequence_checksum)
+        features = self._features.of(manifest)
+        if sequence is None or features is None:
+            return None
+        data = frame_json(features, frame, sequence)
+        return None if data is None else as_json(data)
 
 
 @contextmanager

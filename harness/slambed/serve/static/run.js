@@ -21,6 +21,9 @@
   slider.max = Math.max(0, count - 1);
   slider.disabled = by("play").disabled = count === 0;
   picture.hidden = !run.has_pictures;
+  const overlay = featuresOf(by("features"), by("show-features"));
+  by("show-features").disabled = !(run.has_pictures && run.has_features);
+  by("show-map").disabled = run.map.t_s.length === 0;
 
   // Loads one image at a time, the newest one requested, so that the browser does not fall behind.
   function askForPicture(index) {
@@ -28,6 +31,7 @@
     if (loading) { wanted = index; return; }
     loading = true;
     picture.src = `frames/${index}.jpg`;
+    if (!by("show-features").disabled) overlay.at(index);
   }
   function pictureEnded() {
     loading = false;
@@ -59,10 +63,13 @@
     slider.setAttribute("aria-valuetext", `${viewMath.seconds(t_s)} seconds, frame ${of}, ${state}`);
   }
 
-  const space = spaceOf(by("space"), run.path, ({ error_m }) => {
+  const space = spaceOf(by("space"), run.path, run.map, ({ error_m, keyframes, points }) => {
     const apart = error_m === null ? "" : ` Now ${viewMath.short(100 * error_m)} cm apart.`;
-    by("space-says").textContent = `Blue: estimate (${run.path.how}); gray: truth.${apart}`;
+    const seen = points ? `, and ${points} points that they see` : "";
+    const map = keyframes ? ` Squares: ${keyframes} keyframe${keyframes > 1 ? "s" : ""}${seen}.` : "";
+    by("space-says").textContent = `Blue: estimate (${run.path.how}); gray: truth.${apart}${map}`;
   });
+  by("show-map").addEventListener("change", () => space.showMap(by("show-map").checked));
   const lanes = lanesOf(by("lanes"), run, (t_s) => { stop(); go(viewMath.lastBefore(frames.t_s, t_s)); });
 
   function go(next) {

@@ -1,10 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
-// Draws the path in 3D: the estimate over the ground truth, rotated by dragging.
+// Draws path and map in 3D: the estimate over the ground truth, rotated by dragging.
 "use strict";
 
 const spaceOf = (() => {
   const turnStep = 0.12, zoomStep = 1.25, leastZoom = 0.5, mostZoom = 60, perPixel = 0.008, edge = 0.9;
 
+  const square = 4, speck = 1.2, mostInView = 0.9, zoomOnMap = 1.5;
   const pointsOf = (path) => path.x.map((x, i) => [x, path.y[i], path.z[i]]);
 
   // Returns the order of the axes that puts the one with the least motion upright.
@@ -13,14 +14,23 @@ const spaceOf = (() => {
     return points.length ? [0, 1, 2].sort((a, b) => extent(b) - extent(a)) : [0, 1, 2];
   }
 
-  // Draws `path` onto a canvas; `turned` is called with the error at the current time.
-  return (canvas, path, turned) => {
+  // Returns all points but the farthest from `middle`: a few wrong ones would make everything else small.
+  function withoutFarthest(points, middle) {
+    const far = (point) => Math.hypot(...point.map((value, k) => value - middle[k]));
+    return [...points].sort((a, b) => far(a) - far(b)).slice(0, Math.ceil(mostInView * points.length));
+  }
+
+  // Draws `path` and `map` onto a canvas; `turned` is called with the error at the current time, and with the size of the map
+  // as far as it is shown.
+  return (canvas, path, map, turned) => {
     const reference = path.truth.x.length ? path.truth : path.estimate;
     const order = upright(pointsOf(reference));
     const ordered = (line) => pointsOf(line).map((p) => order.map((k) => p[k]));
     const lines = { truth: ordered(path.truth), estimate: ordered(path.estimate) };
-    const { middle, radius } = viewMath.ballAround([...lines.truth, ...lines.estimate]);
-    let yaw = -0.5, pitch = 0.7, zoom = 1, now_s = 0, drag = null, size = [0, 0];
+    const points = ordered(map.points), keyframes = ordered(map.keyframes);
+    const paths = [...lines.truth, ...lines.estimate];
+    const { middle, radius } = viewMath.ballAround([...paths, ...withoutFarthest(points, viewMath.ballAround(paths).middle)]);
+    let yaw = -0.5, pitch = 0.7, zoom = points.length ? zoomOnMap : 1, now_s = 0, drag = null, size = [0, 0], withMap = true;
     const context = canvas.getContext("2d");
     const color = (name) => getComputedStyle(canvas).getPropertyValue(name).trim();
     const pixelsPerMeter = () => (edge * Math.min(...size) * zoom) / (2 * radius);
@@ -49,19 +59,31 @@ const spaceOf = (() => {
       canvas.height = size[1] * ratio;
       context.setTransform(ratio, 0, 0, ratio, 0, 0);
       context.lineJoin = "round";
+      const made = withMap && map.t_s.length && map.t_s[0] <= now_s ? viewMath.lastBefore(map.t_s, now_s) + 1 : 0;
+      const seen = made ? map.ends[made - 1] : 0;
+      boxes(points, seen, color("--point"), speck);
       stroke(lines.truth, path.truth.breaks, color("--truth"), 3);
       context.globalAlpha = 0.35;
       stroke(lines.estimate, path.estimate.breaks, color("--estimate"), 1.3);
       context.globalAlpha = 1;
       const last = path.estimate.t_s.length && path.estimate.t_s[0] <= now_s ? viewMath.lastBefore(path.estimate.t_s, now_s) : -1;
       stroke(lines.estimate, path.estimate.breaks, color("--estimate"), 1.8, last + 1);
+      boxes(keyframes, made, color("--keyframe"), square);
       const true_ = viewMath.lastBefore(path.truth.t_s, now_s);
       if (true_ >= 0) dot(place(lines.truth[true_]), color("--truth"), 5);
       if (last >= 0) dot(place(lines.estimate[last]), color("--here"), 5);
       axes();
       scaleBar();
       const error = last >= 0 && true_ >= 0 ? Math.hypot(...lines.estimate[last].map((v, k) => v - lines.truth[true_][k])) : null;
-      turned({ error_m: error });
+      turned({ error_m: error, keyframes: made, points: seen });
+    }
+
+    function boxes(all, until, style, side) {
+      context.fillStyle = style;
+      for (let i = 0; i < until; i++) {
+        const [x, y] = place(all[i]);
+        context.fillRect(x - side / 2, y - side / 2, side, side);
+      }
     }
 
     function dot([x, y], style, r) {
@@ -124,6 +146,6 @@ const spaceOf = (() => {
     matchMedia("(prefers-color-scheme: dark)").addEventListener("change", draw);
     new ResizeObserver(draw).observe(canvas);
     draw();
-    return { at(t_s) { now_s = t_s; draw(); }, view: () => ({ yaw, pitch, zoom }) };
+    return { at(t_s) { now_s = t_s; draw(); }, showMap(whether) { withMap = whether; draw(); }, view: () => ({ yaw, pitch, zoom }) };
   };
 })();
