@@ -51,7 +51,7 @@ PANELS = (
     Panel("coverage", "frames with a pose [%]", 100.0),
     Panel("ate_rmse_m", "ATE RMSE [cm], of runs with 90 % of the frames", 100.0),
     Panel("time", "tracking time, ours alone on 1 core = 1", log=True),
-    Panel("mobile_mem_mb_peak", "peak memory of the robot [MB]", log=True),
+    Panel("mobile_mem_mb_peak", "peak memory of the robot [MiB]", log=True),
 )
 
 

@@ -147,7 +147,7 @@ def frames_line(playing: Playing) -> str:
 
 def use_line(use: NodeUse, now_s: float | None) -> str:
     """Returns CPU and memory of a node, with the age of an old sample."""
-    memory = "" if use.memory_mb is None else f", {use.memory_mb:.0f} MB"
+    memory = "" if use.memory_mb is None else f", {use.memory_mb:.0f} MiB"
     age_s = 0.0 if now_s is None else now_s - use.t_s
     old = f" ({age_s:.0f} s ago)" if age_s >= 1.0 else ""
     return f"CPU {use.cpu_percent:.0f} % of a core{memory}{old}"

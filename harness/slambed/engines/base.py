@@ -244,7 +244,7 @@ def differences(limits: Limits, granted: Granted, cpus: list[int]) -> list[str]:
     if limits.cores is not None and parse_cpus(granted.cpus) != sorted(cpus):
         found.append(f"CPUs {granted.cpus} instead of {','.join(map(str, cpus))}")
     if limits.memory_mb is not None and granted.memory_mb != limits.memory_mb:
-        found.append(f"memory {granted.memory_mb} MB instead of {limits.memory_mb}")
+        found.append(f"memory {granted.memory_mb} MiB instead of {limits.memory_mb}")
     return found
 
 

@@ -10,7 +10,7 @@ from stat import S_ISREG
 
 from slambed.files.atomic import replacing
 
-MB = 1 << 20
+MIB = 1 << 20
 LOOK_EVERY_S = 0.25
 LARGEST_SHARE = 0.05
 """Largest share of its time that the harness spends counting: a folder may hold many files."""
@@ -18,7 +18,7 @@ BLOCK_BYTES = 512
 """Unit of st_blocks (POSIX)."""
 LEAST_BYTES = 4096
 """What a file counts at least, so that empty ones are bounded too."""
-KEPT_BYTES = 16 * MB
+KEPT_BYTES = 16 * MIB
 """What is kept of a file of a run that was ended: its beginning."""
 
 
@@ -38,7 +38,7 @@ class WrittenBytes:
     @property
     def limit_bytes(self) -> int:
         """Bytes that the run may write."""
-        return self._limit_mb * MB
+        return self._limit_mb * MIB
 
     def watch(self) -> None:
         """Raises TooManyBytesError if the run must end. Looks at most every LOOK_EVERY_S."""
@@ -57,9 +57,9 @@ class WrittenBytes:
         self._struck = True
         largest = max(sizes, key=lambda path: sizes[path])
         raise TooManyBytesError(
-            f"it wrote more than {self._limit_mb} MB (max_run_mb of the experiment): "
+            f"it wrote more than {self._limit_mb} MiB (max_run_mb of the experiment): "
             f"{len(sizes)} files, the largest is {largest.relative_to(self._folder)} with "
-            f"{sizes[largest] / MB:.0f} MB"
+            f"{sizes[largest] / MIB:.0f} MiB"
         )
 
     def cut(self) -> None:

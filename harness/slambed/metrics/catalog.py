@@ -351,17 +351,17 @@ METRICS: tuple[Metric, ...] = (
         "edge CPU", "% of a core", relevant_step=1.0),
     LowerIsBetter(
         "mobile_mem_mb_peak", "largest sample", lambda run: run.mobile.memory_mb_peak,
-        "mobile memory, peak", "MB", digits=0, relevant_step=2.0, use=HEADLINE),
+        "mobile memory, peak", "MiB", digits=0, relevant_step=2.0, use=HEADLINE),
     LowerIsBetter(
         "mobile_mem_mb_mean", "mean of the samples", lambda run: run.mobile.memory_mb_mean,
-        "mobile memory, mean", "MB", digits=0, relevant_step=2.0),
+        "mobile memory, mean", "MiB", digits=0, relevant_step=2.0),
     LowerIsBetter(
-        "mobile_mem_mb_slope", "growth, of the straight line through the samples, in MB a minute",
-        lambda run: run.mobile.memory_mb_per_min, "growth of mobile memory", "MB/min", digits=1,
-        relevant_step=0.5),
+        "mobile_mem_mb_slope", "growth, of the straight line through the samples, in MiB a minute",
+        lambda run: run.mobile.memory_mb_per_min, "growth of mobile memory", "MiB/min",
+        digits=1, relevant_step=0.5),
     LowerIsBetter(
         "edge_mem_mb_peak", "the same of the edge", lambda run: run.edge.memory_mb_peak,
-        "edge memory, peak", "MB", digits=0, relevant_step=2.0, use=GATED),
+        "edge memory, peak", "MiB", digits=0, relevant_step=2.0, use=GATED),
     LowerIsBetter(
         "bytes_up", "payload and headers of our messages; of a system that reports none, what "
         "the relay carried, IP headers included", lambda run: run.bytes_moved["up"],

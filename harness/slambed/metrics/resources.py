@@ -12,7 +12,7 @@ Floats = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Resources:
-    """CPU in percent of one core; memory in MB; None if the counters were missing."""
+    """CPU in percent of one core; memory in MiB; None if the counters were missing."""
 
     cpu_percent_mean: float | None
     cpu_percent_p50: float | None

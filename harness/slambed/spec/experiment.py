@@ -206,7 +206,7 @@ class Experiment(BaseModel):
     seed: int = Field(default=1, ge=0, lt=2**31)
     """Repetition k of every cell has the same seed, which follows from this one."""
     max_run_mb: int = Field(default=MAX_RUN_MB, ge=1)
-    """What a run may write into its folder, in MB of 2^20 bytes: files, and what its programs
+    """What a run may write into its folder, in MiB: files, and what its programs
     print. A run that writes more is ended, with outcome `died`."""
     tolerances: Tolerances = Field(default_factory=Tolerances)
     """Outside of which a run is invalid."""

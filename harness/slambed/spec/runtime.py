@@ -70,7 +70,7 @@ class RoleRuntime(BaseModel):
     env: dict[str, Text] = Field(default_factory=dict)
     """Name -> value of environment variables."""
     tmpfs: dict[str, int] = Field(default_factory=dict)
-    """Engine docker: path of a writable tmpfs -> its size in MB."""
+    """Engine docker: path of a writable tmpfs -> its size in MiB."""
     user: str = ""
     """Engine docker: user of the process; the default is a numeric id that owns no files."""
     gpu: Gpu | None = None

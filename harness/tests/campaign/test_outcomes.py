@@ -63,7 +63,7 @@ def test_a_run_that_writes_too_much_is_a_result_and_the_campaign_goes_on(tmp_pat
     assert (verdict.done, verdict.valid, verdict.not_completed) == (2, 2, 1)
     summaries = [folder.store.summary(spec.run_key) for spec in todo]
     assert [summary and summary["outcome"] for summary in summaries] == ["died", "completed"]
-    assert summaries[0] and "more than 20 MB" in str(summaries[0]["outcome_reason"])
+    assert summaries[0] and "more than 20 MiB" in str(summaries[0]["outcome_reason"])
     assert [folder.store.attempts_of(spec.run_key) for spec in todo] == [1, 1]
     kept = sum(path.stat().st_size for path in folder.store.runs.rglob("*") if path.is_file())
     assert kept < 20 << 20, "the store must not keep what filled the disk"

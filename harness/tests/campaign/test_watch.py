@@ -96,7 +96,7 @@ def test_one_look_shows_queue_and_run(results: Path) -> None:
     assert "mine: My own" in out
     assert "1 of 3 runs done, 1 in hand, 1 left, 2 were there before, about" in out
     assert "sys/room/ramp #2 (k2)" in out and "1 track losses" in out
-    assert re.search(r"mobile +CPU \d+ % of a core, \d+ MB", out) and "edge" in out
+    assert re.search(r"mobile +CPU \d+ % of a core, \d+ MiB", out) and "edge" in out
 
 
 def test_curves_of_the_last_seconds_are_beside_the_numbers(results: Path) -> None:

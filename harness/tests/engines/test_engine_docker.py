@@ -180,8 +180,8 @@ def test_a_program_that_prints_without_end_is_ended_and_said_so(bench: Bench) ->
     began_s = time.monotonic()
     result = bench.run(docker_spec(params={"x": "flood"}, max_run_mb=8))
     assert result.outcome == "died" and time.monotonic() - began_s < 25
-    assert "more than 8 MB (max_run_mb of the experiment)" in (result.reason or "")
-    assert "the largest is mobile/log.txt with 8 MB" in (result.reason or "")
+    assert "more than 8 MiB (max_run_mb of the experiment)" in (result.reason or "")
+    assert "the largest is mobile/log.txt with 8 MiB" in (result.reason or "")
     assert result.invalid_reasons == []
 
 

@@ -220,7 +220,7 @@ def test_a_system_that_writes_without_end_is_ended_and_said_so(
 ) -> None:
     result = bench.run(run_spec(edge=True, params={"mobile_act": act}, max_run_mb=20))
     assert result.outcome == "died" and result.invalid_reasons == []
-    assert "more than 20 MB (max_run_mb of the experiment)" in (result.reason or "")
+    assert "more than 20 MiB (max_run_mb of the experiment)" in (result.reason or "")
     assert largest in (result.reason or "")
     # What is kept of it is short, and the limit is also the kernel's for each file.
     log = bench.folder / "raw" / "mobile" / "log.txt"
@@ -233,7 +233,7 @@ def test_a_mobile_that_prints_too_much_before_it_is_ready_is_ended(bench: Bench)
     (bench.folder / "slambed-node").write_text("#!/bin/sh\nexec yes\n")
     began_s = time.monotonic()
     result = bench.run(run_spec(max_run_mb=5))
-    assert result.outcome == "died" and "more than 5 MB" in (result.reason or "")
+    assert result.outcome == "died" and "more than 5 MiB" in (result.reason or "")
     assert time.monotonic() - began_s < 15
 
 

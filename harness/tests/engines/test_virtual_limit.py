@@ -93,7 +93,7 @@ def test_a_run_that_writes_without_end_has_died_of_that(tmp_path: Path) -> None:
     run = VirtualRun(spec, tmp_path, 0.1, tmp_path / "raw", program, None)
     result = run.execute(threading.Event())
     assert result.outcome == "died"
-    reason = r"it wrote more than 30 MB \(max_run_mb of the experiment\): .* log\.txt with \d+ MB"
+    reason = r"it wrote more than 30 MiB \(max_run_mb of the experiment\): .* log\.txt with \d+ MiB"
     assert re.fullmatch(reason, result.reason or ""), result.reason
     assert simulation() is None
     assert (tmp_path / "raw" / "log.txt").stat().st_size <= KEPT_BYTES

@@ -25,7 +25,7 @@ class Quantity:
 
 
 CPU = Quantity("cpu_percent", "cpu", "CPU", "% of one core")
-MEMORY = Quantity("memory_mb", "memory", "Memory", "MB")
+MEMORY = Quantity("memory_mb", "memory", "Memory", "MiB")
 
 
 def draw_over_time(
