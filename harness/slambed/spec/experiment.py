@@ -164,7 +164,8 @@ class Report(BaseModel):
     metrics: list[str] = Field(default_factory=list)
     """Keys of summary.json in the first table."""
     plots: list[str] = Field(default_factory=list)
-    """Keys of summary.json that are drawn first."""
+    """Figures that come first: keys of summary.json that are numbers, or `losses`, `trajectory`,
+    `rtt`, `cpu`, `memory`, `stages`, `losses_by_profile`, `tradeoff`, `changes`, `sweep`."""
 
 
 class Experiment(BaseModel):

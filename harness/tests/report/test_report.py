@@ -23,6 +23,7 @@ from slambed.errors import SlambedError
 from slambed.explain.view import view_of, write_png, write_rerun
 from slambed.metrics.catalog import SUMMARY_KEYS, keys_for
 from slambed.metrics.metric import Use
+from slambed.native import repository_root
 from slambed.report import plots
 from slambed.report.cells import cells_of, metrics_to_show
 from slambed.report.differences import difference_tables, differences
@@ -369,6 +370,12 @@ def test_the_plots_that_are_asked_for_come_first(experiment: Path) -> None:
     conditions = jobs.count("trajectory")
     assert conditions and jobs[: conditions + 1] == ["trajectory"] * conditions + ["keyframes"]
     assert {*jobs} <= {*FIGURES, *keys_for(Use.DRAWN), "keyframes"}
+
+
+def test_the_reference_names_every_figure() -> None:
+    page = (repository_root() / "docs" / "reference" / "experiment.md").read_text()
+    (row,) = (line for line in page.splitlines() if "| `plots` |" in line)
+    assert [name for name in FIGURES if f"`{name}`" not in row] == []
 
 
 def test_timeline_shows_the_loss(reported: Path) -> None:
