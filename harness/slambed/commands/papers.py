@@ -21,7 +21,7 @@ from slambed.errors import ExitCode, SlambedError
 from slambed.terminal import RESULTS, JsonOption, ResultsOption, print_json
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
+    from collections.abc import Callable, Sequence
 
     from slambed.papers.published import Paper
     from slambed.report.load import Results
@@ -68,9 +68,12 @@ def kept(
     / PAGES
     / "kept",
 ) -> None:
-    """Write the pages of the packed runs, papers/NAME/runs.tar.xz, without running anything."""
+    """Write the pages of the packed runs, papers/NAME/runs.tar.xz, without running anything.
+
+    Without a name also the comparison of all systems on the same sequences, papers/all_systems.
+    """
     from slambed.files.outputs import make_folder
-    from slambed.papers.kept import KEPT_FILE, kept_file, read_kept
+    from slambed.papers.kept import ALL_SYSTEMS, KEPT_FILE, kept_file, read_kept
     from slambed.papers.published import read_papers
 
     chosen = [paper for paper in read_papers(names or None) if paper.kind == "paper"]
@@ -82,7 +85,15 @@ def kept(
         for paper in chosen
         if (archive := kept_file(paper.id)) is not None
     }
-    write_all(chosen, lambda paper: runs.get(paper, []), out, every=False, made_by=KEPT)
+    compared = kept_file(ALL_SYSTEMS) if not names else None
+    write_all(
+        chosen,
+        lambda paper: runs.get(paper, []),
+        out,
+        every=False,
+        made_by=KEPT,
+        besides=[] if compared is None else read_kept(compared, out / "runs" / ALL_SYSTEMS),
+    )
     for paper in chosen:
         if paper.id not in runs:
             typer.echo(f"{paper.id}: no runs are kept, papers/{paper.id}/{KEPT_FILE} is missing")
@@ -308,8 +319,10 @@ def write_all(
     out: Path,
     every: bool,
     made_by: str = COMPARE,
+    besides: "Sequence[Results]" = (),
 ) -> None:
-    """Writes one page per paper, from the experiments that `runs_of` returns for its id."""
+    """Writes one page per paper, from the experiments that `runs_of` returns for its id, and with
+    several papers an overview. besides: experiments of no paper, for the comparison of systems."""
     from slambed.papers.compare import comparison_table
     from slambed.papers.cross_page import ALL_SYSTEMS, write_cross_page
     from slambed.papers.paper_page import write_overview, write_paper_page
@@ -332,7 +345,8 @@ def write_all(
         pages += [verdicts] if verdicts is not None else []
     if len(pages) > 1:
         experiments = list(pooled.values())
-        compared = [write_cross_page(r, out) for r in experiments if r.name == ALL_SYSTEMS]
+        every_system = [r for r in [*besides, *experiments] if r.name == ALL_SYSTEMS]
+        compared = [write_cross_page(results, out) for results in every_system]
         systems = next((page.name for page in compared if page is not None), "")
         if systems:
             screen.print(f"all systems: {out / systems}", highlight=False, soft_wrap=True)

@@ -10,6 +10,7 @@ import pandas as pd
 from markupsafe import Markup, escape
 
 from slambed.papers.environment import environment
+from slambed.papers.origin import origin_words
 from slambed.report.experiment import write_tables
 from slambed.report.load import Results
 from slambed.report.page import STYLE
@@ -202,7 +203,7 @@ def write_cross_page(results: Results, folder: Path) -> Path | None:
     page = environment().get_template("cross.html.j2").render(
         style=Markup(STYLE), headline=takeaway(cells), rows=rows, scenes=scenes, links=links,
         boards=boards, head=head_svg(links), counts=sorted({min(counts), max(counts)}),
-        experiment=results.name,
+        experiment=results.name, origin=origin_words([results]),
     )  # fmt: skip
     path.write_text(page, encoding="utf-8")
     write_tables([cross_table(cells)], folder / "tables")

@@ -9,6 +9,7 @@ import pandas as pd
 import pytest
 from test_paper_page import Anchors
 
+from slambed.commands.papers import write_all
 from slambed.papers.cross_page import (
     BARS,
     cell_svg,
@@ -17,6 +18,7 @@ from slambed.papers.cross_page import (
     takeaway,
     write_cross_page,
 )
+from slambed.papers.published import read_papers
 from slambed.report.load import Results
 
 LINKS = ("none", "slow")
@@ -31,6 +33,7 @@ def results_of(losses: dict[str, int], runs: int = 10) -> Results:
             "label": f"{variant} [{board}]", "dataset": dataset, "profile": link,
             "device_mobile": board, "track_losses": int(link == "slow" and number < lost),
             "ate_rmse_m": 0.01 * (number + 1), "coverage": 1.0, "valid": True,
+            "started_utc": "2026-11-27T10:00:00.000+00:00",
         }
         for variant, lost in losses.items()
         for dataset in ("synthetic_mono_room" if "camera" in variant else "synthetic_room",)
@@ -55,7 +58,7 @@ def test_one_row_per_variant_with_median_and_losses(tmp_path: Path) -> None:
     assert not found.open
     assert re.findall(r"<tr><th>([^<]+)</th><td>", html) == ["A", "B &amp; C", "one camera"]
     assert html.count('role="img"') == 3  # one sequence, seen by two kinds of camera
-    assert "10 runs per combination" in html
+    assert "10 runs per combination, virtual time, generated sequences, played 2026-11-27" in html
     lost = "B &amp; C, pi, slow: median ATE RMSE 5.5 cm, 4 of 10 runs lost track"
     assert f"<title>{lost}</title>" in html
     with (tmp_path / "tables" / "all_systems.csv").open() as file:
@@ -92,3 +95,18 @@ def test_without_a_valid_run_there_is_no_page(tmp_path: Path) -> None:
     results.runs["valid"] = False
     assert write_cross_page(results, tmp_path) is None
     assert not list(tmp_path.iterdir())
+
+
+def test_runs_of_no_paper_come_into_the_comparison_alone(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    papers = [paper for paper in read_papers() if paper.kind == "paper"][:2]
+    alone, beside = tmp_path / "alone", tmp_path / "beside"
+    write_all(papers, lambda paper: [], alone, every=False)
+    write_all(papers, lambda paper: [], beside, every=False, besides=[results_of({"A": 0})])
+    assert f"all systems: {beside / 'systems.html'}" in capsys.readouterr().out.replace("\n", "")
+    assert not (alone / "systems.html").exists() and (beside / "systems.html").is_file()
+    assert "systems.html" in (beside / "index.html").read_text()
+    for paper in papers:
+        page = Path(paper.id) / "index.html"
+        assert (alone / page).read_text() == (beside / page).read_text()
