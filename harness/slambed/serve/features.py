@@ -78,11 +78,11 @@ class FeatureFile:
         begin, end = int(self.offsets[index]), int(self.offsets[index + 1])
         try:
             with self.path.open("rb") as file:
+                if not begin + BLOCK.size <= end <= os.fstat(file.fileno()).st_size:
+                    return None
                 file.seek(begin)
-                block = file.read(max(0, end - begin))
+                block = file.read(end - begin)
         except OSError:
-            return None
-        if len(block) != end - begin or len(block) < BLOCK.size:
             return None
         count, crc = BLOCK.unpack_from(block)
         body = block[BLOCK.size :]
@@ -118,7 +118,7 @@ class FeatureFiles:
 
 
 def _found(wanted: dict[str, Any], software: str | None) -> FeatureFile | None:
-    """Returns the file with this software, else the newest one of another."""
+    """Returns the features with this software, else the newest ones of another."""
     try:
         paths = sorted(
             (cache_folder() / "features").glob("*.features"),

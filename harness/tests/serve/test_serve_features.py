@@ -150,6 +150,12 @@ def test_what_is_no_frame_or_damaged_is_not_found(place: Path, address: str) -> 
         assert found is None or found.frame(6) is None
         assert ask(address, f"{page}features/6.json")[0] == 404
         assert ask(address, page)[0] == 200
+    for offset in (2**64 - 1, 2**63 - 1, 2**40):
+        wrong = content.replace(opened.offsets[7:8].tobytes(), np.uint64(offset).tobytes(), 1)
+        file.write_bytes(wrong)
+        found = FeatureFile.open(file)
+        assert found is not None and found.frame(5) is not None
+        assert found.frame(6) is None and found.frame(7) is None
     file.write_bytes(b"SLFC" + b"\xff" * 16)
     assert FeatureFile.open(file) is None
 
