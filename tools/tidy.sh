@@ -24,7 +24,7 @@ if ! units=$(.venv/bin/python tools/tidy_units.py "$build" --pattern "$pattern" 
 if [ -z "$units" ] && [ -n "$base" ]; then echo "clang-tidy: no unit changed since ${base:0:9}"; exit 0; fi
 [ -n "$units" ] || { echo "error: no source of $build has '$pattern' in its name" >&2; exit 2; }
 # clang does not know some of GCC's warnings and pragmas, and GCC's library has deprecations.
-xargs -P "$(nproc)" -n 1 .venv/bin/clang-tidy -p "$build" --quiet --extra-arg=-Wno-unknown-warning-option \
+xargs -d "\n" -P "$(nproc)" -n 1 .venv/bin/clang-tidy -p "$build" --quiet --extra-arg=-Wno-unknown-warning-option \
   --extra-arg=-Wno-unknown-pragmas --extra-arg=-Wno-deprecated-declarations <<<"$units" \
   2> >(grep -vE '^[0-9]+ warnings?( and .*)? generated\.$' >&2) || {
   compiler=$(sed -n 's/^CMAKE_CXX_COMPILER:[A-Z]*=//p' "$build/CMakeCache.txt")
