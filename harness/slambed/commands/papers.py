@@ -73,7 +73,7 @@ def kept(
     Without a name also the comparison of all systems on the same sequences, papers/all_systems.
     """
     from slambed.files.outputs import make_folder
-    from slambed.papers.kept import ALL_SYSTEMS, KEPT_FILE, kept_file, read_kept
+    from slambed.papers.kept import ALL_SYSTEMS_FOLDER, KEPT_FILE, kept_file, read_kept
     from slambed.papers.published import read_papers
 
     chosen = [paper for paper in read_papers(names or None) if paper.kind == "paper"]
@@ -85,14 +85,16 @@ def kept(
         for paper in chosen
         if (archive := kept_file(paper.id)) is not None
     }
-    compared = kept_file(ALL_SYSTEMS) if not names else None
+    compared = kept_file(ALL_SYSTEMS_FOLDER) if not names else None
     write_all(
         chosen,
         lambda paper: runs.get(paper, []),
         out,
         every=False,
         made_by=KEPT,
-        besides=[] if compared is None else read_kept(compared, out / "runs" / ALL_SYSTEMS),
+        besides=(
+            [] if compared is None else read_kept(compared, out / "runs" / ALL_SYSTEMS_FOLDER)
+        ),
     )
     for paper in chosen:
         if paper.id not in runs:

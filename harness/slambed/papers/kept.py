@@ -14,7 +14,7 @@ from slambed.papers.published.reading import papers_folder
 from slambed.report.load import Results, load
 
 KEPT_FILE = "runs.tar.xz"
-ALL_SYSTEMS = "all_systems"
+ALL_SYSTEMS_FOLDER = "all_systems"
 """Folder in papers/ with the packed runs of the comparison of all systems, which is in no paper."""
 MARKER = "archive.sha256"
 """Digest of the archive that a folder was extracted from."""

@@ -84,6 +84,8 @@ class FeatureFile:
                 block = file.read(end - begin)
         except OSError:
             return None
+        if len(block) < end - begin:  # cut since its size was asked
+            return None
         count, crc = BLOCK.unpack_from(block)
         body = block[BLOCK.size :]
         if len(body) != count * (KEYPOINT.itemsize + DESCRIPTOR_BYTES) or zlib.crc32(body) != crc:
@@ -100,8 +102,8 @@ class FeatureFiles:
 
     def of(self, manifest: Manifest) -> FeatureFile | None:
         """Returns the features that a run saw; None where no virtual run on this machine has kept
-        them. Several programs and live runs share them, as the tag of the software is not asked
-        where no file has the run's own."""
+        them. Features of another version of the software, the newest ones, stand in for those of
+        the run's own, which a live run, for example, never keeps."""
         spec = manifest.spec
         if spec is None or spec.params is None or manifest.sequence_checksum is None:
             return None
