@@ -43,6 +43,13 @@ out=${out:-$scratch/out}
 mkdir -p "$out"
 printf '%q ' "$@" > "$scratch/command"
 log=$scratch/console
+# What the machine needs to know stands in a file, because blanks divide its kernel's command line.
+{
+  echo '#!/bin/bash'
+  printf 'export VM_SCRATCH=%q VM_OUT=%q VM_MODULES=%q VM_PYTHON=%q VM_BIN=%q\nexec %q\n' "$scratch" "$out" "$modules" \
+    "$repository/.venv/bin/python" "${SLAMBED_BIN:-}" "$repository/tools/netem_vm_init.sh"
+} > "$scratch/init"
+chmod 755 "$scratch/init"
 
 # The machine's console is our standard output. It always exits with 0, so the result is a line on the console. Its one CPU
 # is an ordinary process, which gets a high priority if permitted, because otherwise measured delays mean nothing.
@@ -50,8 +57,7 @@ first=$(nice -n -20 true 2>/dev/null && echo "nice -n -20" || true)
 TMPDIR=$scratch $first timeout --kill-after=5 "$limit_s" "$cache/usr/bin/linux.uml" \
   "mem=$memory" root=none rootfstype=hostfs rootflags=/ ro quiet \
   con=null con0=null,fd:1 ssl=null "umid=slambed$$" "uml_dir=$scratch" \
-  "init=$repository/tools/netem_vm_init.sh" "VM_SCRATCH=$scratch" "VM_OUT=$out" \
-  "VM_MODULES=$modules" "VM_PYTHON=$repository/.venv/bin/python" "VM_BIN=${SLAMBED_BIN:-}" \
+  "init=$scratch/init" \
   < /dev/null 2>&1 | tee "$log" | sed -u -n '/^SLAMBED_VM_READY/,/^SLAMBED_VM_RESULT/{/^SLAMBED_VM_/!p}' || true
 if ! grep -q '^SLAMBED_VM_READY' "$log"; then
   # It cannot restore the registers of a processor whose state (AMX) is larger than its kernel's buffer.

@@ -13,6 +13,7 @@ import threading
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
+from shlex import quote
 from typing import Any
 
 from slambed.campaign.executors import Played
@@ -94,6 +95,8 @@ def start_on_slurm(played: Played, jobs: int | None) -> ClusterExecutor:
         cluster = jobqueue.SLURMCluster(
             cores=config.get("jobqueue.slurm.cores", None) or 1,
             memory=config.get("jobqueue.slurm.memory", None) or SLURM_MEMORY,
+            # A word of the job's script, so a path with a blank needs quotes.
+            python=config.get("jobqueue.slurm.python", None) or quote(sys.executable),
         )
         cluster.scale(jobs=jobs)
     except (OSError, RuntimeError, ValueError) as error:

@@ -27,7 +27,7 @@ from slambed.campaign.remote_result import LostWorkerError, result_of
 from slambed.campaign.remote_sequence import pack, unpack
 from slambed.engines.result import InterruptedRunError
 from slambed.errors import ExitCode
-from slambed.native import find_program
+from slambed.native import find_program, repository_root
 
 RUNS = 3
 CELLS = 2
@@ -237,7 +237,11 @@ echo "Submitted batch job $!"
 
 
 @needs_programs
-def test_slurm_jobs_become_workers(tmp_path: Path) -> None:
+def test_slurm_jobs_become_workers(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Also where the path of Python has a blank."""
+    (tmp_path / "my environment").symlink_to(Path(sys.executable).parent.parent)
+    program = tmp_path / "my environment" / "bin" / Path(sys.executable).name
+    monkeypatch.setattr(sys, "executable", str(program))
     (tmp_path / "bin").mkdir()
     for name, text in (("sbatch", SBATCH), ("scancel", '#!/bin/bash\nkill "$@"\n')):
         (tmp_path / "bin" / name).write_text(text)
@@ -246,7 +250,8 @@ def test_slurm_jobs_become_workers(tmp_path: Path) -> None:
     arguments = ("run", str(path), "--results", str(tmp_path / "results"), "--no-figures")
     arguments = (*arguments, "--slurm", "--jobs", "1")
     found = f"{tmp_path / 'bin'}:{os.environ['PATH']}"
-    code, out, err = slambed_process(*arguments, cwd=tmp_path, PATH=found)
+    here = str(repository_root() / "harness")
+    code, out, err = slambed_process(*arguments, cwd=tmp_path, PATH=found, PYTHONPATH=here)
     assert code == ExitCode.OK, out + err
     assert len(ResultFolder(tmp_path / "results" / "walk").run_keys()) == CELLS
     assert "tcp://" in (tmp_path / "bin" / "sbatch.log").read_text()

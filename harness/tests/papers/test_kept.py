@@ -7,6 +7,7 @@ from collections import Counter
 from pathlib import Path
 
 import pytest
+from checkout import needs_history
 from command_line import refused, slambed
 from results_factory import quickstart_like
 
@@ -126,6 +127,7 @@ def test_a_commit_that_git_does_not_know_is_said(
     assert origin_words([results])[0] == "commit aaaaaaa, bbbbbbb"
 
 
+@needs_history
 def test_git_knows_its_own_commits() -> None:
     git = ["git", "-C", str(repository_root()), "rev-parse"]
     head = subprocess.run([*git, "HEAD"], capture_output=True, text=True, check=False)

@@ -14,7 +14,7 @@ from waiting import until
 from slambed.native import repository_root
 
 SCRIPT = """
-source {root}/tools/steps.sh
+source "{root}/tools/steps.sh"
 quick() {{ step one true; step two true; }}
 {functions}
 export -f step logged quick slow

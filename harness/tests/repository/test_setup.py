@@ -83,7 +83,7 @@ def test_what_waiting_does_not_help_ends_with_code_3(
 
 
 RETRIED = """
-source {root}/tools/retry.sh
+source "{root}/tools/retry.sh"
 sleep() {{ :; }}
 work() {{ echo called >>{folder}/calls; [ "$(wc -l <{folder}/calls)" -gt {failures} ]; }}
 thrice work

@@ -53,7 +53,7 @@ def files() -> list[str]:
     found = known_files(ROOT, "*.yaml", "*.yml") or [
         str(p.relative_to(ROOT)) for p in ROOT.glob("[a-z]*/**/*.yaml")
     ]
-    return [path for path in found if not path.startswith((*OTHERS, "build/"))]
+    return [path for path in found if not path.startswith((*OTHERS, "build"))]
 
 
 VALIDATORS = {kind: Draft202012Validator(json.loads(schema_text(kind))) for kind in KINDS}

@@ -184,11 +184,12 @@ TEST(TcpNetwork, BadMessagesOfAGreetedPeerEndTheConnection) {
 TEST(TcpNetwork, SocketsUseThePinnedCongestionControlWithoutDelay) {
   Node edge(true, 0);
   const int peer = raw_connection(edge.port());
-  EXPECT_EQ(tune_connection(peer, "cubic"), "");
+  // Not the cubic of live runs, which some hosts allow to root alone.
+  EXPECT_EQ(tune_connection(peer, "reno"), "");
   char name[16] = {};
   socklen_t length = sizeof name;
   ASSERT_EQ(::getsockopt(peer, IPPROTO_TCP, TCP_CONGESTION, name, &length), 0);
-  EXPECT_STREQ(name, "cubic");
+  EXPECT_STREQ(name, "reno");
   EXPECT_NE(tune_connection(peer, "no-such").find("congestion control no-such"), std::string::npos);
   ::close(peer);
 }
