@@ -177,14 +177,15 @@ def specs(cells: int = 2, runs: int = 2, **changes: Any) -> list[RunSpec]:
     ]
 
 
-FIRST_LINE = f'#!/usr/bin/env -S "{sys.executable}" -IS\n'
-"""Of a program in Python. The kernel itself takes no interpreter whose path has a blank."""
+def first_line(*options: str) -> str:
+    """Of a program in Python. The kernel itself takes no interpreter whose path has a blank."""
+    return " ".join(["#!/usr/bin/env -S", f'"{sys.executable}"', *options]) + "\n"
 
 
 def stand_in(folder: Path) -> Path:
     """The stand-in node as a program file."""
     program = folder / "slambed-node"
-    program.write_text(f"{FIRST_LINE}{STAND_IN.read_text()}")
+    program.write_text(first_line("-IS") + STAND_IN.read_text())
     program.chmod(0o755)
     return program
 
@@ -192,7 +193,7 @@ def stand_in(folder: Path) -> Path:
 def stand_in_sim(folder: Path) -> Path:
     """The stand-in for the simulation as a program file."""
     program = folder / "slambed-sim"
-    program.write_text(f"{FIRST_LINE}{STAND_IN_SIM.read_text()}")
+    program.write_text(first_line("-IS") + STAND_IN_SIM.read_text())
     program.chmod(0o755)
     return program
 

@@ -10,6 +10,7 @@ from pathlib import Path
 import pytest
 import typer
 from command_line import slambed, slambed_process
+from harness_parts import first_line
 
 from slambed.commands import main as cli
 from slambed.commands.completion import TAKES, VALUES, Asked, asked, names_for
@@ -181,9 +182,7 @@ def test_bash_completes_with_what_was_installed(tmp_path: Path) -> None:
     """Tests from --install-completion in a real bash to the names in its COMPREPLY."""
     (tmp_path / "bin").mkdir()
     program = tmp_path / "bin" / "slambed"
-    program.write_text(
-        f'#!/usr/bin/env -S "{sys.executable}"\nfrom slambed.commands.main import main\nmain()\n'
-    )
+    program.write_text(first_line() + "from slambed.commands.main import main\nmain()\n")
     program.chmod(0o755)
     environment = os.environ | {
         "HOME": str(tmp_path),
