@@ -6,7 +6,8 @@
 # - same: plays a frame-by-frame run, 20 virtual runs and the quickstart with the programs of this architecture (build/bin) and
 #   of arm64, and compares the bytes;
 # - image: makes the node image slambed-node:HASH-arm64, which `slambed run` copies to boards of that architecture.
-# - wheel: makes the wheel FOLDER/slambed/build/dist/slambed-*_aarch64.whl.
+# - wheel: makes the wheel FOLDER/slambed/build/dist/slambed-*_aarch64.whl, installs it in a bare Debian 12 for arm64, which it
+#   makes in FOLDER-bare, and plays the quickstart there, under emulation (tools/try_wheel.sh).
 # Needs root; `same` needs the programs, and with `wheel` the Python environment, of this checkout.
 set -euo pipefail
 
@@ -30,6 +31,10 @@ done
 wanted=" $* "
 cd "$(dirname "$0")/.."
 bash tools/setup.sh arm64
+# The kernel starts arm64 programs through QEMU once this file system is mounted; in a container nobody has mounted it.
+handlers=/proc/sys/fs/binfmt_misc
+[ -e "$handlers/status" ] || mount -t binfmt_misc binfmt_misc "$handlers"
+[ -e "$handlers/qemu-aarch64" ] || update-binfmts --enable qemu-aarch64
 packages="make cmake ninja-build ccache g++-aarch64-linux-gnu qemu-user-static libeigen3-dev nlohmann-json3-dev libcli11-dev
   libturbojpeg0-dev:arm64 zlib1g-dev:arm64 libgtest-dev:arm64 libopencv-dev:arm64 libceres-dev:arm64"
 if [ ! -e "$folder/.arm64" ]; then
@@ -62,4 +67,9 @@ if [[ $wanted == *" image "* ]]; then
 fi
 if [[ $wanted == *" wheel "* ]]; then
   STRIP=aarch64-linux-gnu-strip SLAMBED_WHEEL_MACHINE=aarch64 bash tools/wheel.sh "$build" "$build/dist"
+  bare=$(realpath "$folder")-bare
+  export SLAMBED_DEBIAN_ARCHITECTURE=arm64
+  bash tools/root.sh bookworm "$bare"
+  cp "$build"/dist/slambed-*_aarch64.whl "$bare/"
+  bash tools/root.sh bookworm "$bare" sh -c 'tools/try_wheel.sh /slambed-*_aarch64.whl'
 fi

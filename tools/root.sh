@@ -4,13 +4,15 @@
 # there, and runs COMMAND in it, in a clone of the last commit at /slambed, or in a copy of these files where there is no
 # history. Needs root. Network, processors, control groups, the lock of live runs and the caches of ccache and pip
 # ($CCACHE_DIR, $PIP_CACHE_DIR, else those in ~/.cache) are the host's. $CC and $CXX are passed on. Nothing stays mounted, no
-# process is left.
+# process is left. SLAMBED_DEBIAN_ARCHITECTURE=arm64 makes one for another processor, if this kernel can run its programs
+# (package qemu-user-static).
 set -euo pipefail
 
 suite=${1:?suite} folder=${2:?folder}
 shift 2
 top=$(cd "$(dirname "$0")/.." && pwd)
 mirror=${SLAMBED_DEBIAN_MIRROR:-http://deb.debian.org/debian}
+architecture=${SLAMBED_DEBIAN_ARCHITECTURE:-}
 [ "$(id -u)" -eq 0 ] || { echo "error: debootstrap and chroot need root: sudo $0" >&2; exit 3; }
 
 if [ ! -e "$folder/.made" ]; then
@@ -20,9 +22,10 @@ if [ ! -e "$folder/.made" ]; then
   mkdir -p "$folder"
   folder=$(realpath "$folder")
   make_system() {
-    debootstrap --variant=minbase --include=ca-certificates,python3,python3-venv "$suite" "$folder" "$mirror" >"$folder.log" 2>&1
+    debootstrap ${architecture:+--arch="$architecture"} --variant=minbase --include=ca-certificates,python3,python3-venv \
+      "$suite" "$folder" "$mirror" >"$folder.log" 2>&1
   }
-  echo "making $suite in $folder (about two minutes)"
+  echo "making $suite${architecture:+ for $architecture} in $folder (about two minutes)"
   thrice make_system || { tail -n 5 "$folder.log" >&2; echo "error: debootstrap failed three times, $mirror" >&2; exit 3; }
   touch "$folder/.made"
 fi
