@@ -6,10 +6,12 @@ need the same sources and the sequence, but no common file system. Only this pro
 and ledger: a worker that dies leaves nothing, and Dask reassigns its run.
 """
 
+import math
 import socket
 import sys
 import tempfile
 import threading
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
@@ -17,6 +19,7 @@ from shlex import quote
 from typing import Any
 
 from slambed.campaign.executors import Played
+from slambed.campaign.progress import duration
 from slambed.campaign.remote_result import LostWorkerError, result_of
 from slambed.campaign.remote_sequence import pack, remote_sequence, unpack
 from slambed.campaign.virtual_task import VirtualTask
@@ -29,7 +32,9 @@ from slambed.spec.software import host_software, software_of_systems
 
 CONNECT_TIMEOUT_S = 20.0
 FIRST_WORKER_TIMEOUT_S = 600.0
-"""A batch system may queue its first job for a while."""
+"""Of a scheduler. Slurm may queue its first job for hours, so nothing limits that wait."""
+FIRST_NOTE_S = 60.0
+"""Without a worker for so long, a note says so; the wait for each further note is twice as long."""
 SLURM_MEMORY = "2 GiB"
 """Memory of one worker, unless Dask's configuration sets it."""
 
@@ -71,7 +76,9 @@ class ClusterExecutor:
             cluster.close()
 
 
-def join_cluster(played: Played, address: str, jobs: int | None) -> ClusterExecutor:
+def join_cluster(
+    played: Played, address: str, jobs: int | None, notify: Callable[[str], None]
+) -> ClusterExecutor:
     """Connects to an existing scheduler and its workers."""
     distributed = imported("distributed", "--scheduler")
     try:
@@ -80,10 +87,13 @@ def join_cluster(played: Played, address: str, jobs: int | None) -> ClusterExecu
         raise environment_error(
             f"no Dask scheduler at {address}: {error}; start one: dask scheduler"
         ) from None
-    return _pool(played, client, jobs, FIRST_WORKER_TIMEOUT_S)
+    hint = f"start one on each machine: dask worker {address}"
+    return _pool(played, client, jobs, notify, hint, FIRST_WORKER_TIMEOUT_S)
 
 
-def start_on_slurm(played: Played, jobs: int | None) -> ClusterExecutor:
+def start_on_slurm(
+    played: Played, jobs: int | None, notify: Callable[[str], None]
+) -> ClusterExecutor:
     """Starts workers as Slurm jobs with one core each; queue, account and wall time come from
     Dask's configuration (jobqueue.yaml)."""
     if jobs is None:
@@ -101,16 +111,44 @@ def start_on_slurm(played: Played, jobs: int | None) -> ClusterExecutor:
         cluster.scale(jobs=jobs)
     except (OSError, RuntimeError, ValueError) as error:
         raise environment_error(f"Slurm refuses: {error}") from None
-    return _pool(played, distributed.Client(cluster), jobs, FIRST_WORKER_TIMEOUT_S)
+    logs = Path(config.get("jobqueue.slurm.log-directory", None) or "").resolve()
+    hint = f"'squeue --me' lists the jobs that wait; those that ended leave a log in {logs}"
+    return _pool(played, distributed.Client(cluster), jobs, notify, hint, math.inf)
 
 
-def _pool(played: Played, client: Any, jobs: int | None, wait_s: float) -> ClusterExecutor:
+def _pool(
+    played: Played,
+    client: Any,
+    jobs: int | None,
+    notify: Callable[[str], None],
+    hint: str,
+    longest_s: float,
+) -> ClusterExecutor:
+    """Waits for the first worker. `hint`: what to do where none comes."""
+    executor = ClusterExecutor(played, client, 1)
+    try:
+        waited_s, next_s = 0.0, FIRST_NOTE_S
+        while not _has_worker(client, wait_s := min(next_s, longest_s - waited_s)):
+            waited_s += wait_s
+            next_s *= 2
+            line = f"no worker in {duration(waited_s)}; {hint}"
+            if waited_s >= longest_s:
+                raise environment_error(line)
+            notify(line)
+        executor.jobs = jobs or sum(client.nthreads().values())
+    except BaseException:
+        # Slurm's jobs would go on without a campaign.
+        executor.close()
+        raise
+    return executor
+
+
+def _has_worker(client: Any, wait_s: float) -> bool:
     try:
         client.wait_for_workers(1, timeout=wait_s)
     except TimeoutError:
-        client.close()
-        raise environment_error(f"the cluster got no worker in {wait_s:.0f} s") from None
-    return ClusterExecutor(played, client, jobs or sum(client.nthreads().values()))
+        return False
+    return True
 
 
 def imported(module: str, option: str) -> Any:

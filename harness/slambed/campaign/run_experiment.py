@@ -209,11 +209,13 @@ def _virtually(files: Files, options: Options, count: int, console: Console) -> 
     plan = _virtual_plan(files, count, console)
     prune_features(features)
 
+    notify = partial(print_to, console)
+
     def executor_of(played: Played) -> Executor:
         if options.scheduler:
-            return join_cluster(played, options.scheduler, options.jobs)
+            return join_cluster(played, options.scheduler, options.jobs, notify)
         if options.slurm:
-            return start_on_slurm(played, options.jobs)
+            return start_on_slurm(played, options.jobs, notify)
         jobs = options.jobs or len(os.sched_getaffinity(0))
         return ProcessExecutor(played, program, features, jobs)
 

@@ -21,6 +21,7 @@ from distributed import Client
 from virtual_parts import fingerprints, make_sequence, needs_programs, write_experiment
 from waiting import until
 
+from slambed.campaign.cluster import start_on_slurm
 from slambed.campaign.folder import ResultFolder
 from slambed.campaign.ledger import Ledger
 from slambed.campaign.remote_result import LostWorkerError, result_of
@@ -255,6 +256,43 @@ def test_slurm_jobs_become_workers(tmp_path: Path, monkeypatch: pytest.MonkeyPat
     assert code == ExitCode.OK, out + err
     assert len(ResultFolder(tmp_path / "results" / "walk").run_keys()) == CELLS
     assert "tcp://" in (tmp_path / "bin" / "sbatch.log").read_text()
+
+
+def test_who_waits_for_slurm_is_told_where_to_look(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A job that never becomes a worker is cancelled when the campaign ends."""
+    for name, text in (
+        ("sbatch", '#!/bin/bash\necho "Submitted batch job 17"\n'),
+        ("scancel", f'#!/bin/bash\necho "$@" >>"{tmp_path}/cancelled"\n'),
+    ):
+        (tmp_path / name).write_text(text)
+        (tmp_path / name).chmod(0o755)
+    monkeypatch.setenv("PATH", f"{tmp_path}:{os.environ['PATH']}")
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr("slambed.campaign.cluster.FIRST_NOTE_S", 0.1)
+    notes = []
+
+    def note(line: str) -> None:
+        notes.append(line)
+        if len(notes) == 2:
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        start_on_slurm({}, 1, note)
+    assert "squeue --me" in notes[0] and str(tmp_path) in notes[0]
+    assert (tmp_path / "cancelled").read_text().split() == ["17"]
+
+
+@needs_programs
+def test_a_scheduler_without_workers(
+    tmp_path: Path, cluster: Cluster, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("slambed.campaign.cluster.FIRST_WORKER_TIMEOUT_S", 1.0)
+    path = write_experiment(tmp_path, make_sequence(tmp_path / "walk", 1), 1)
+    arguments = ("run", str(path), "--results", str(tmp_path / "results"))
+    line = refused(ExitCode.ENVIRONMENT, *arguments, "--scheduler", cluster.address)
+    assert f"no worker in 1 s; start one on each machine: dask worker {cluster.address}" in line
 
 
 def test_a_run_travels_without_its_raw_logs(tmp_path: Path) -> None:
