@@ -8,6 +8,7 @@ from pathlib import Path
 from slambed.campaign.plan import must_be_free
 from slambed.data.catalog import Catalog
 from slambed.errors import SlambedError
+from slambed.files.remove import remove_entry
 from slambed.native import repository_root
 from slambed.spec.library import Library
 
@@ -26,7 +27,7 @@ def write_skeleton(kind: str, name: str, folder: Path) -> list[str]:
     source = repository_root() / "catalog" / "templates"
     if kind != "system":
         target = folder / f"{name}.yaml"
-        _write(source / f"{kind}.yaml", target, name)
+        _write(target, {target: source / f"{kind}.yaml"}, name)
         given = shlex.quote(f"{target}")
         if kind == "experiment":
             return [f"{target}", f"next: slambed run {given} --check"]
@@ -37,15 +38,12 @@ def write_skeleton(kind: str, name: str, folder: Path) -> list[str]:
             f"then, in an experiment beside it: datasets: [./{target.name}]",
         ]
     place = folder / name
-    if place.exists():
-        raise SlambedError(f"{place} is there already; choose another name or --folder")
-    written = []
-    for path in sorted((source / kind).iterdir()):
-        target = place / path.name.replace(PLACEHOLDER, name)
-        _write(path, target, name)
-        written.append(f"{target}")
+    # pip compiles a template's Python file, which leaves a folder beside it.
+    files = sorted(path for path in (source / kind).iterdir() if path.is_file())
+    written = {place / path.name.replace(PLACEHOLDER, name): path for path in files}
+    _write(place, written, name)
     return [
-        *written,
+        *map(str, written),
         f"next: slambed check-system {shlex.quote(str(place / 'system.yaml'))}",
         f"      slambed run {shlex.quote(str(place / f'{name}_beside_ours.yaml'))} --engine local",
     ]
@@ -64,12 +62,19 @@ def _must_be_free(kind: str, name: str) -> None:
         raise SlambedError(f"there is a {kind} {name} already; choose another name")
 
 
-def _write(source: Path, target: Path, name: str) -> None:
-    if target.exists():
-        raise SlambedError(f"{target} is there already; choose another name or --folder")
+def _write(place: Path, templates: dict[Path, Path], name: str) -> None:
+    """Writes each file from its template, all of them or none. `place`: the only file or the folder
+    of all; must not exist."""
+    if place.exists():
+        raise SlambedError(f"{place} is there already; choose another name or --folder")
+    schemas = str(repository_root() / "catalog" / "schemas")
+    target = place
     try:
-        target.parent.mkdir(parents=True, exist_ok=True)
-        text = source.read_text().replace(SCHEMAS, str(repository_root() / "catalog" / "schemas"))
-        target.write_text(text.replace(PLACEHOLDER, name))
+        for target, source in templates.items():
+            text = source.read_text().replace(SCHEMAS, schemas).replace(PLACEHOLDER, name)
+            target.parent.mkdir(parents=True, exist_ok=True)
+            target.write_text(text)
     except OSError as error:
+        if place.exists():
+            remove_entry(place)
         raise SlambedError(f"{target}: {error.strerror}; choose another --folder") from None

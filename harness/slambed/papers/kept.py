@@ -10,6 +10,7 @@ import shutil
 from pathlib import Path
 
 from slambed.campaign.pack import extract
+from slambed.native import is_installed
 from slambed.papers.published.reading import papers_folder
 from slambed.report.load import Results, load
 
@@ -28,6 +29,8 @@ def kept_file(paper: str, folder: Path | None = None) -> Path | None:
 
 def no_runs_words(paper: str) -> str:
     """Returns the phrase of a page without runs: whether some are kept, and how to see them."""
+    if is_installed():
+        return "no runs yet; a wheel has no packed runs, 'make kept' in a checkout shows them"
     if kept_file(paper) is None:
         return f"no runs yet; none are kept in papers/{paper}/{KEPT_FILE}"
     return f"no runs yet; kept ones are shown by slambed papers kept {paper}"

@@ -1,7 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """Systems with their own programs: the meaning of their description, before any start."""
 
+import errno
 import json
+import os
 import shutil
 import subprocess
 from dataclasses import replace
@@ -231,6 +233,20 @@ def test_a_skeleton_is_written_once(kind: str, tmp_path: Path) -> None:
     code, _, err = slambed("new", kind, "fresh", "--folder", str(tmp_path))
     assert code == 2 and "is there already" in err
     assert slambed("new", kind, "No-Name", "--folder", str(tmp_path))[0] == 2
+
+
+def test_half_a_skeleton_does_not_stay(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    write = Path.write_text
+
+    def full(path: Path, text: str) -> int:
+        if path.name == "system.yaml":
+            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+        return write(path, text)
+
+    monkeypatch.setattr(Path, "write_text", full)
+    code, _, err = slambed("new", "system", "fresh", "--folder", str(tmp_path))
+    assert code == 2 and f"{tmp_path / 'fresh' / 'system.yaml'}: No space left" in err
+    assert not list(tmp_path.iterdir())
 
 
 @pytest.mark.skipif(shutil.which("gcc") is None, reason="needs a C compiler ('make build')")

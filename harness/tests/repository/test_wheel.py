@@ -140,6 +140,17 @@ def test_commands_work_in_an_empty_folder(installed: Path, tmp_path: Path) -> No
     assert not list(tmp_path.iterdir())
 
 
+def test_a_new_system_is_one_that_checks_out(installed: Path, tmp_path: Path) -> None:
+    """pip has compiled the template's Python file, so a folder lies beside it."""
+    (template,) = installed.parents[1].glob("**/catalog/templates/system")
+    assert (template / "__pycache__").is_dir()
+    called(installed, tmp_path, "new", "system", "mine")
+    files = sorted(path.name for path in (tmp_path / "mine").iterdir())
+    assert files == ["mine_beside_ours.yaml", "run.py", "system.yaml"]
+    asked = ("systems", "show", "mine/system.yaml")
+    assert "mobile" in called(installed, tmp_path, *asked)
+
+
 def test_without_programs_it_says_how_to_get_them(installed: Path, tmp_path: Path) -> None:
     done = subprocess.run(
         [installed, "run", "quickstart", "--engine", "virtual"],
