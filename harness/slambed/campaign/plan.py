@@ -2,6 +2,7 @@
 """From an experiment file to its runs on this host."""
 
 import hashlib
+import math
 from collections.abc import Callable, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, field
@@ -30,6 +31,7 @@ from slambed.spec import inputs
 from slambed.spec.board import NETWORK, Board
 from slambed.spec.device import LOCAL, VIRTUAL
 from slambed.spec.experiment import (
+    HOST_PACE,
     MOST_RUNS,
     Experiment,
     Playback,
@@ -41,6 +43,7 @@ from slambed.spec.host_speed import load_host_speed
 from slambed.spec.library import Library
 from slambed.spec.masks import MasksAsked
 from slambed.spec.matrix import (
+    END_SLACK_S,
     Circumstances,
     NamedProfile,
     expand,
@@ -178,9 +181,38 @@ def notes(experiment: Experiment, library: Library) -> list[str]:
     )
 
 
-def remarks_on(profiles: list[NamedProfile]) -> list[str]:
-    """Returns what was assumed about the recordings of link profiles."""
-    return [f"profile {profile.name}: {line}" for profile in profiles for line in profile.remarks]
+def remarks_on(profiles: list[NamedProfile], longest_s: float = math.inf) -> list[str]:
+    """Returns what was assumed about the recordings of link profiles, and which are longer than
+    the longest run, if its length is known."""
+    assumed_of_files = [f"profile {p.name}: {line}" for p in profiles for line in p.remarks]
+    too_long = [
+        f"profile {p.name}: a run plays the first {longest_s:.0f} s of {length_s:.0f} s in {file}; "
+        "start_s chooses another part"
+        for p in profiles
+        for file, length_s in p.recorded_s.items()
+        if length_s > longest_s + END_SLACK_S
+    ]
+    return assumed_of_files + too_long
+
+
+def at_host_pace(specs: list[RunSpec]) -> list[str]:
+    """Returns a remark for live runs of our systems whose stages take less than on their device."""
+    boards = dict.fromkeys(
+        spec.device_mobile.name
+        for spec in specs
+        if spec.engine != VIRTUAL
+        and spec.pace == HOST_PACE
+        and spec.runtime is None
+        and spec.board is None
+        and spec.device_mobile.board is not None
+        and spec.device_mobile.model is not None
+    )
+    if not boards:
+        return []
+    return [
+        f"computing times are this machine's with the limits of {', '.join(boards)}, usually much "
+        "shorter than on the device; --set pace=device makes them as long as there"
+    ]
 
 
 def _of_board(experiment: Experiment) -> list[str]:
@@ -354,7 +386,8 @@ def make_plan(
         host_speed=load_host_speed().speed if netem is None else None,
     )
     specs = expand(experiment, source, library, profiles, circumstances, count)
-    return Plan(experiment, specs, sequences, circumstances, left_out, remarks_on(profiles))
+    remarks = remarks_on(profiles, max(played_s.values())) + at_host_pace(specs)
+    return Plan(experiment, specs, sequences, circumstances, left_out, remarks)
 
 
 def masks_asked(experiment: Experiment, library: Library) -> list[MasksAsked]:

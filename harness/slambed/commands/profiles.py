@@ -155,7 +155,7 @@ def facts(profile: Profile, end_s: float) -> list[str]:
     """Returns what a table of samples does not show: range, impairments and gaps."""
     import numpy as np
 
-    from slambed.link.summary import impairments, outages, summary_times
+    from slambed.link.summary import impairments, outages, recorded_rate, summary_times
 
     rtt = profile.rtt_series_ms(summary_times(end_s))
     # Each value stands for the step after it, so the one at the end is not part of the mean.
@@ -164,7 +164,8 @@ def facts(profile: Profile, end_s: float) -> list[str]:
     if crossings:
         lines.append(f"crosses {CROSSING_MS:g} ms {crossings} times in {end_s:.0f} s")
     for name, side in (("up", profile.up), ("down", profile.down)):
-        lines += [f"{name}: {text}" for text in impairments(side)]
+        rate = recorded_rate(side, profile.rate_traces)
+        lines += [f"{name}: {text}" for text in [*impairments(side), rate] if text]
     return lines + outages(profile)
 
 

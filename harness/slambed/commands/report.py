@@ -181,6 +181,8 @@ def diff_command(
     shown = sum(change.shown for change in found)
     if not as_json:
         typer.echo(f"{shown} of {len(found)} comparisons show a change")
+        if metrics is None:
+            typer.echo("compared: the metrics of the experiment's report; others: --metric NAME")
     if shown:
         raise typer.Exit(ExitCode.NOT_ALL_GOOD)
 

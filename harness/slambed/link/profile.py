@@ -67,6 +67,8 @@ class Profile:
     """Input with which `parse_profile` recreates the profile; includes digests of traces."""
     remarks: tuple[str, ...] = ()
     """What was assumed about its traces, a line each."""
+    recorded_s: Mapping[str, float] = field(default_factory=dict)
+    """Length of each trace that is played from its beginning for as long as a run lasts."""
 
     def up_ms(self, t: Times) -> Times:
         """Returns the one-way delay mobile to edge at run times `t` [s]."""
@@ -212,6 +214,7 @@ def _build(data: Mapping[str, Any], overrides: Mapping[str, Any], reader: Profil
         rate_traces=traces,
         content=content,
         remarks=tuple(dict.fromkeys(reader.remarks)),
+        recorded_s=dict(reader.recorded_s),
     )
     _check_values(profile, reader)
     return replace(profile, duration=_duration(data, profile, reader))

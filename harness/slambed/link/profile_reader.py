@@ -28,6 +28,8 @@ class ProfileReader:
         self.near = near
         self.remarks: list[str] = []
         """What was assumed about its traces, a line each."""
+        self.recorded_s: dict[str, float] = {}
+        """Length of each trace of round-trip times for which the profile names no `length_s`."""
 
     def complaint(self, what: str, place: str = "", advice: str = "") -> SlambedError:
         spot = f"{self.where} at {place}" if place else self.where
@@ -76,7 +78,10 @@ class ProfileReader:
             return self._sum(inner, below)
         if kind == "trace":
             description = self.model(TraceFile, inner, below)
-            return read_rtt_trace(description, self.near, self.remarks)
+            trace = read_rtt_trace(description, self.near, self.remarks)
+            if description.length_s is None:
+                self.recorded_s[Path(description.file).name] = float(trace.times_s[-1])
+            return trace
         if kind in curves.PLAIN:
             plain: Curve = self.model(curves.PLAIN[kind], inner, below)  # type: ignore[assignment]
             return plain

@@ -1,11 +1,14 @@
 # SPDX-License-Identifier: Apache-2.0
 """What a link profile asks for, in words."""
 
+from collections.abc import Mapping
+
 import numpy as np
 
 from slambed.link.curves import Times
-from slambed.link.impairments import Side
+from slambed.link.impairments import Jitter, PacketLoss, Side
 from slambed.link.profile import Profile
+from slambed.link.traces import MAHIMAHI_PACKET_BITS, mean_rate_mbps
 
 STEP_S = 0.01
 DEFAULT_SPAN_S = 30.0
@@ -15,10 +18,12 @@ ENDLESS_SPAN_S = 120.0
 
 
 def length_s(profile: Profile) -> float:
-    """Returns the length of the profile that a summary describes; of a constant profile and of one
-    that never settles a usual length."""
-    end = ENDLESS_SPAN_S if profile.duration is None else profile.duration
-    return end or DEFAULT_SPAN_S
+    """Returns the length of the profile that a summary describes; of a constant latency that of
+    its recorded rates, else a usual length, and a usual one where it never settles."""
+    if profile.duration is None:
+        return ENDLESS_SPAN_S
+    rates_s = max((times[-1] / 1e3 for times in profile.rate_traces.values()), default=0.0)
+    return profile.duration or rates_s or DEFAULT_SPAN_S
 
 
 def summary_times(end_s: float) -> Times:
@@ -47,10 +52,39 @@ def impairments(side: Side) -> list[str]:
         found.append(rate if queue is None else f"{rate}, queue {queue:,} bytes")
     if side.jitter is not None:
         size = side.jitter.sd_ms or side.jitter.mean_ms
-        found.append(f"{side.jitter.shape} jitter {size:g} ms")
+        found.append(f"{side.jitter.shape} jitter {size:g} ms{_correlation(side.jitter)}")
     if side.loss is not None:
-        found.append(f"loss {side.loss.mean():.3%}")
+        found.append(f"loss {side.loss.mean():.3%}{_bursts(side.loss)}")
     return found
+
+
+def _correlation(jitter: Jitter) -> str:
+    if jitter.correlation_s is not None:
+        return f", correlated over {jitter.correlation_s:g} s"
+    return f", correlation {jitter.correlation:g}" if jitter.correlation else ""
+
+
+def _bursts(loss: PacketLoss) -> str:
+    """Returns how long a burst lasts on average; empty for independent losses."""
+    chain = loss.gilbert_elliott
+    if chain is None:
+        return ""
+    if chain.bad_s is not None:
+        return f", in bursts of {chain.bad_s:g} s on average"
+    return f", in bursts of {1 / chain.to_good:.3g} packets on average" if chain.to_good else ""
+
+
+def recorded_rate(side: Side, traces: Mapping[str, list[int]]) -> str:
+    """Returns mean and range of a rate that is played from a recording; empty of any other."""
+    if side.rate is None or side.rate.trace is None:
+        return ""
+    times_ms = traces[side.rate.trace]
+    seconds = np.bincount(np.asarray(times_ms[:-1]) // 1000)[: max(times_ms[-1] // 1000, 1)]
+    mbps = seconds * MAHIMAHI_PACKET_BITS / 1e6
+    return (
+        f"recorded rate: mean {mean_rate_mbps(times_ms):.2f} Mbit/s, in single seconds "
+        f"{mbps.min():.2f} to {mbps.max():.2f}; begins again after {times_ms[-1] / 1e3:g} s"
+    )
 
 
 def outages(profile: Profile) -> list[str]:

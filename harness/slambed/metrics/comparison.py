@@ -141,8 +141,8 @@ def power_hint(runs: int, share: float = 0.03) -> str:
     least = smallest_distinguishable_share(share, runs)
     if least is None:
         return (
-            f"{runs} runs per combination are too few to tell shares of losses apart, not even "
-            f"{share:.0%} from 100 %."
+            f"With {runs} runs per combination no difference between shares of runs with a loss can "
+            "be shown."
         )
     return (
         f"{runs} runs per combination distinguish {share:.0%} of losses from {least:.0%} or more "

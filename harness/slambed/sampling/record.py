@@ -20,7 +20,8 @@ class Sample:
     cpu_percent: float | None
     """Percent of one core, since the previous sample."""
     memory_mb: float
-    """Resident memory, without the page cache of the mapped sequence."""
+    """Anonymous memory: heap and stacks, without mapped files such as libraries and the
+    sequence."""
     throttled_s: float
     """Cumulative, over the cgroups of the node and of its threads; threads that are throttled at
     the same time each count."""

@@ -42,6 +42,8 @@ class NamedProfile:
     content: dict[str, Any]
     remarks: tuple[str, ...] = ()
     """What was assumed about its files, a line each."""
+    recorded_s: Mapping[str, float] = field(default_factory=dict)
+    """File -> length of a recording of which a run plays as much as it lasts."""
 
 
 @dataclass(frozen=True)

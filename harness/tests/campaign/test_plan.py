@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from data_samples import write_prepared
 from harness_parts import (
+    run_spec,
     specs,
     write_library,
 )
@@ -17,12 +18,32 @@ from harness_parts import (
 from slambed.campaign import plan as planning
 from slambed.campaign.datasets import prepare_sequence
 from slambed.campaign.order import interleaved
-from slambed.campaign.plan import Plan, make_plan, repetitions
+from slambed.campaign.plan import Plan, at_host_pace, make_plan, remarks_on, repetitions
 from slambed.data import places
 from slambed.data.recipe import DatasetPlayback
 from slambed.errors import SlambedError
-from slambed.spec.experiment import Playback
+from slambed.spec.device import VIRTUAL
+from slambed.spec.experiment import DEVICE_PACE, Playback
 from slambed.spec.library import Library
+from slambed.spec.matrix import NamedProfile
+
+
+def test_a_recording_longer_than_the_runs_is_said() -> None:
+    hall = NamedProfile("hall", {}, (), {"hall.log": 984.2})
+    (line,) = remarks_on([hall], 12.0)
+    assert line.startswith("profile hall: a run plays the first 12 s of 984 s in hall.log")
+    assert not remarks_on([hall], 983.5)
+
+
+def test_live_runs_at_the_pace_of_this_machine_are_said() -> None:
+    device = Library().device("raspberry_pi_4")
+    spec = run_spec(engine="local", device_mobile=device)
+    (line,) = at_host_pace([spec, spec])
+    assert "limits of raspberry_pi_4" in line and "--set pace=device" in line
+    paced = spec.model_copy(update={"pace": DEVICE_PACE})
+    virtual = spec.model_copy(update={"engine": VIRTUAL})
+    here = run_spec(engine="local", device_mobile=Library().device("host"))
+    assert not at_host_pace([paced, virtual, here])
 
 
 def test_order_interleaves_and_repeats_itself() -> None:
