@@ -26,7 +26,8 @@ class Jitter(BaseModel):
     shape: Literal["normal", "pareto"] = "normal"
     """Distribution of the extra delay."""
     sd_ms: float | None = Field(default=None, gt=0, le=LONGEST_MS)
-    """normal: standard deviation; the mean is 0, and the total delay never drops below 0."""
+    """normal: standard deviation; the mean is 0, and the total delay never drops below 0. Packets
+    keep their order: a late one holds up those behind it, so a dense stream gets longer delays."""
     mean_ms: float | None = Field(default=None, gt=0, le=LONGEST_MS)
     """pareto: mean of the extra delay, which starts at 0."""
     tail: float = Field(default=3.0, ge=HEAVIEST_TAIL, le=100)

@@ -61,7 +61,7 @@ OF_A_CORE, OF_THE_DEVICE = "% of a core", "% of the device"
 one of the device."""
 QUANTITIES = (
     Quantity("T_Total", "ms", _summary("update_delay_ms_median")),
-    Quantity("T_MU (update delay)", "ms", _part("T_MU")),
+    Quantity("T_MU", "ms", _part("T_MU")),
     Quantity("frames dropped", "", _summary("frames_dropped")),
     Quantity("keyframes in the map", "", _summary("keyframes")),
     Quantity("ATE RMSE", "cm", _summary("ate_rmse_m", 100)),
