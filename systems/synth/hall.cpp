@@ -63,8 +63,10 @@ class HallBuilder {
   /// Adds a tall shelf or a stack of one to four crates. Each object has its own random stream.
   void add_piece(const Island& island) {
     Random random(options_.seed, 0x30000 + pieces_++);
-    const Vec3 place(island.x + random.uniform(-1, 1) * (island.half_x - 0.25),
-                     island.y + random.uniform(-1, 1) * (island.half_y - 0.25), 0);
+    // y first: as arguments, compilers would evaluate the draws in different orders.
+    const double y = island.y + random.uniform(-1, 1) * (island.half_y - 0.25);
+    const double x = island.x + random.uniform(-1, 1) * (island.half_x - 0.25);
+    const Vec3 place(x, y, 0);
     const double yaw = random.uniform(-25, 25);
     const int kind = random.below(4);
     const Vec3 size{random.uniform(0.35, 0.8), random.uniform(0.35, 0.8),

@@ -3,6 +3,7 @@
 #include <random>
 
 #include "dynnetslam/tests/switching_pair.hpp"
+#include "geometry/tests/draws.hpp"
 #include "wire/handover_messages.hpp"
 
 namespace slambed::testing {
@@ -126,8 +127,8 @@ std::shared_ptr<const FeatureSet> along_the_wall(SyntheticScene& scene, int fram
     std::mt19937_64 random(static_cast<std::uint64_t>(meter + 100));
     std::uniform_real_distribution<double> unit(0, 1);
     for (int i = 0; i < kPerMeter; ++i) {
-      const Eigen::Vector3d p(meter + unit(random) - camera_m, 3.2 * unit(random) - 1.6,
-                              2 + 1.5 * unit(random));
+      const Eigen::Vector3d at = drawn<3>([&] { return unit(random); });
+      const Eigen::Vector3d p(meter + at.x() - camera_m, 3.2 * at.y() - 1.6, 2 + 1.5 * at.z());
       const double reach_m = 4 + 9 * unit(random);
       KeyPoint seen;
       seen.angle_deg = static_cast<float>(359 * unit(random));

@@ -36,7 +36,8 @@ inline cv::Mat textured_image(int width, int height, unsigned seed) {
   cv::Mat image(height, width, CV_8U, cv::Scalar(128));
   const int shapes = std::max(20, width * height / 300);
   for (int i = 0; i < shapes; ++i) {
-    const cv::Point at(below(width), below(height));
+    const int v = below(height), u = below(width);
+    const cv::Point at(u, v);
     const int size = 3 + below(1 + 60 * (shapes - i) / shapes);
     const cv::Scalar gray(below(256));
     if (i % 3 == 0)

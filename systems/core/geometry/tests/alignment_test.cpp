@@ -8,6 +8,8 @@
 #include <random>
 #include <vector>
 
+#include "geometry/tests/draws.hpp"
+
 namespace slambed {
 namespace {
 
@@ -19,14 +21,11 @@ struct Pairs {
 Pairs make_pairs(int count, double scale, double noise_m, unsigned seed, bool planar = false) {
   std::mt19937 random(seed);
   std::normal_distribution<double> normal;
-  const auto vector = [&] {
-    return Eigen::Vector3d(normal(random), normal(random), normal(random));
-  };
+  const auto vector = [&] { return drawn<3>([&] { return normal(random); }); };
   Pairs pairs;
+  const Eigen::Vector3d q = vector();
   pairs.truth = {scale,
-                 Eigen::Quaterniond(normal(random), normal(random), normal(random), 0.4)
-                     .normalized()
-                     .toRotationMatrix(),
+                 Eigen::Quaterniond(q.x(), q.y(), q.z(), 0.4).normalized().toRotationMatrix(),
                  3 * vector()};
   for (int i = 0; i < count; ++i) {
     Eigen::Vector3d p = vector();

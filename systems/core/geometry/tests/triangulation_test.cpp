@@ -7,6 +7,8 @@
 #include <limits>
 #include <random>
 
+#include "geometry/tests/draws.hpp"
+
 namespace slambed {
 namespace {
 
@@ -23,7 +25,8 @@ TEST(TriangulationTest, RecoversExactPoints) {
   std::mt19937 random(7);
   std::uniform_real_distribution<double> side(-1.5, 1.5), depth(1, 8);
   for (int i = 0; i < 200; ++i) {
-    const Eigen::Vector3d p(side(random), side(random), depth(random));
+    const double z = depth(random), y = side(random), x = side(random);
+    const Eigen::Vector3d p(x, y, z);
     const auto got = triangulate(kFirst, kSecond, view(kFirst, p), view(kSecond, p));
     ASSERT_TRUE(got);
     EXPECT_LT((*got - p).norm(), 1e-9);
@@ -36,7 +39,8 @@ TEST(TriangulationTest, NoiseOfHalfAPixelMovesThePointLittle) {
   const Eigen::Vector3d p(0.2, -0.3, 2);
   double sum = 0;
   for (int i = 0; i < 200; ++i) {
-    const Eigen::Vector2d e1(noise(random), noise(random)), e2(noise(random), noise(random));
+    const auto error = [&] { return drawn<2>([&] { return noise(random); }); };
+    const Eigen::Vector2d e1 = error(), e2 = error();
     const auto got = triangulate(kFirst, kSecond, view(kFirst, p) + e1, view(kSecond, p) + e2);
     ASSERT_TRUE(got);
     sum += (*got - p).squaredNorm();

@@ -7,6 +7,7 @@
 #include <opencv2/calib3d.hpp>
 #include <random>
 
+#include "geometry/tests/draws.hpp"
 #include "geometry/two_view_models.hpp"
 
 namespace slambed {
@@ -27,14 +28,15 @@ Pairs make_pairs(unsigned seed, bool flat, double noise_px) {
   const SE3 T_21 = SE3::exp(twist);
   Pairs pairs;
   while (pairs.ours.size() < 150) {
-    const Eigen::Vector2d a(u(random), v(random));
+    const double y = v(random), x = u(random);
+    const Eigen::Vector2d a(x, y);
     const double z = flat ? 4 / (1 + 0.0005 * a.x()) : depth(random);
     const Eigen::Vector3d p =
         T_21 * Eigen::Vector3d((a.x() - 320) / 500 * z, (a.y() - 240) / 500 * z, z);
     PixelPair pair{a, {500 * p.x() / p.z() + 320, 500 * p.y() / p.z() + 240}};
     if (noise_px > 0) {
-      pair.first += Eigen::Vector2d(noise(random), noise(random));
-      pair.second += Eigen::Vector2d(noise(random), noise(random));
+      pair.first += drawn<2>([&] { return noise(random); });
+      pair.second += drawn<2>([&] { return noise(random); });
     }
     pairs.ours.push_back(pair);
     pairs.first.emplace_back(pair.first.x(), pair.first.y());

@@ -9,6 +9,7 @@
 #include <numbers>
 #include <random>
 
+#include "geometry/tests/draws.hpp"
 #include "geometry/tests/test_camera.hpp"
 
 namespace slambed {
@@ -35,8 +36,8 @@ struct Scene {
       if (p_2.z() < 0.1) continue;
       PixelPair pair{{u, v}, camera.project(p_2)};
       if (noise_px > 0) {
-        pair.first += Eigen::Vector2d(noise(random), noise(random));
-        pair.second += Eigen::Vector2d(noise(random), noise(random));
+        pair.first += drawn<2>([&] { return noise(random); });
+        pair.second += drawn<2>([&] { return noise(random); });
       }
       pairs.push_back(pair);
       truth.push_back(p);

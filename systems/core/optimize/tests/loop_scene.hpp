@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include "geometry/tests/draws.hpp"
 #include "optimize/pose_graph.hpp"
 #include "optimize/sim3_solver.hpp"
 #include "optimize/tests/scene.hpp"
@@ -68,13 +69,12 @@ inline Sim3Scene make_sim3_scene(int count, double scale, double outlier_share, 
   s.truth.scale = scale;
   const Camera c = camera();
   while (static_cast<int>(s.matches.size()) < count) {
-    const Eigen::Vector3d p_1 =
-        c.unproject(make.uniform(20, 620), make.uniform(20, 460), make.uniform(1, 5));
+    const Eigen::Vector3d p_1 = make.seen_point(5);
     const Eigen::Vector3d p_2 = s.truth.inverse() * p_1;
     if (p_2.z() < 0.1) continue;
     const double octave_scale = std::pow(1.2, static_cast<int>(make.uniform(0, 4)));
     const auto noisy = [&](const Eigen::Vector3d& p) -> Eigen::Vector3d {
-      return p + point_noise_m * Eigen::Vector3d(make.normal(), make.normal(), make.normal());
+      return p + point_noise_m * drawn<3>([&] { return make.normal(); });
     };
     const Eigen::Vector2d uv_1 = c.project(p_1), uv_2 = c.project(p_2);
     Sim3Match m{noisy(p_1), noisy(p_2), 0, 0, 0, 0, 0, 0};
@@ -86,7 +86,7 @@ inline Sim3Scene make_sim3_scene(int count, double scale, double outlier_share, 
     m.inv_sigma2_1 = m.inv_sigma2_2 = 1 / (octave_scale * octave_scale);
     const bool outlier = make.uniform(0, 1) < outlier_share;
     if (outlier) {
-      m.p_2 = c.unproject(make.uniform(20, 620), make.uniform(20, 460), make.uniform(1, 5)) / scale;
+      m.p_2 = make.seen_point(5) / scale;
       const Eigen::Vector2d elsewhere = c.project(m.p_2);
       m.u_2 = elsewhere.x();
       m.v_2 = elsewhere.y();

@@ -6,6 +6,7 @@
 #include <random>
 #include <vector>
 
+#include "geometry/tests/draws.hpp"
 #include "optimize/bundle_adjuster.hpp"
 #include "optimize/pose_optimizer.hpp"
 
@@ -42,6 +43,12 @@ class Maker {
     float u, v, right_u, inv_sigma2;
     bool outlier;
   };
+  /// Returns a point in the camera frame that is 1 m to `deepest_m` away, and in the image.
+  Eigen::Vector3d seen_point(double deepest_m) {
+    const double depth_m = uniform(1, deepest_m), v = uniform(20, 460), u = uniform(20, 620);
+    return camera().unproject(u, v, depth_m);
+  }
+
   /// Observes a point in the camera frame at a random octave.
   Pixel observe(const Eigen::Vector3d& p_c) {
     const Camera c = camera();
@@ -49,7 +56,7 @@ class Maker {
     const double sigma = recipe_.noise_px * scale;
     Eigen::Vector2d uv = c.project(p_c);
     double right_u = uv.x() - c.bf / p_c.z() + sigma * normal();
-    uv += sigma * Eigen::Vector2d(normal(), normal());
+    uv += sigma * drawn<2>([&] { return normal(); });
     const bool outlier = uniform(0, 1) < recipe_.outlier_share;
     if (outlier) {
       const double angle = uniform(0, 2 * M_PI), off = uniform(20, 100) * scale;
@@ -78,8 +85,7 @@ inline PoseScene make_pose_scene(int count, const Recipe& recipe) {
   s.truth = make.disturb(SE3(), 0.5);
   s.start = make.disturb(s.truth, recipe.pose_error);
   for (int i = 0; i < count; ++i) {
-    const Eigen::Vector3d p_c =
-        camera().unproject(make.uniform(20, 620), make.uniform(20, 460), make.uniform(1, 6));
+    const Eigen::Vector3d p_c = make.seen_point(6);
     const auto o = make.observe(p_c);
     s.observations.push_back({s.truth.inverse() * p_c, o.u, o.v, o.right_u, o.inv_sigma2});
     s.outlier.push_back(o.outlier);
@@ -121,8 +127,8 @@ inline BundleScene make_bundle_scene(int free_poses, int fixed_poses, int points
     const int first = static_cast<int>(make.uniform(0, poses - observations_per_point + 1));
     const double middle = step_m * (first + 0.5 * observations_per_point);
     const double depth = make.uniform(1.5, 6);
-    const Eigen::Vector3d p(middle + make.uniform(-0.4, 0.4) * depth,
-                            make.uniform(-0.3, 0.3) * depth, depth);
+    const double y = make.uniform(-0.3, 0.3) * depth, x = make.uniform(-0.4, 0.4) * depth;
+    const Eigen::Vector3d p(middle + x, y, depth);
     const auto point = static_cast<std::uint32_t>(s.true_p_w.size());
     for (int time = first; time < first + observations_per_point; ++time) {
       const auto o = make.observe(s.true_T_cw[index(time)] * p);
@@ -131,8 +137,7 @@ inline BundleScene make_bundle_scene(int free_poses, int fixed_poses, int points
       s.outlier.push_back(o.outlier);
     }
     s.true_p_w.push_back(p);
-    problem.p_w.push_back(p + recipe.point_error_m *
-                                  Eigen::Vector3d(make.normal(), make.normal(), make.normal()));
+    problem.p_w.push_back(p + recipe.point_error_m * drawn<3>([&] { return make.normal(); }));
   }
   return s;
 }

@@ -10,6 +10,7 @@
 #include "features/feature_set.hpp"
 #include "features/vocabulary.hpp"
 #include "geometry/se3.hpp"
+#include "geometry/tests/draws.hpp"
 
 namespace slambed::testing {
 
@@ -80,7 +81,9 @@ class EndlessScene {
     const auto unit = [&] { return (place() % 100'000) / 100'000.0; };
     std::normal_distribution<double> noise;
     for (int i = 0; i < kPerCell; ++i) {
-      const Eigen::Vector3d p_w((ix + unit()) * kCell_m, 3 * unit() - 1.5, (iz + unit()) * kCell_m);
+      const Eigen::Vector3d inside = drawn<3>(unit);
+      const Eigen::Vector3d p_w((ix + inside.x()) * kCell_m, 3 * inside.y() - 1.5,
+                                (iz + inside.z()) * kCell_m);
       const double max_distance_m = 4 + 9 * unit();
       const double angle_deg = 359 * unit();
       const std::size_t like = place() % kLooks;
@@ -92,7 +95,7 @@ class EndlessScene {
       if (octave < 0 || octave > 7) continue;
       const double scale = sensor_->pyramid.scale[octave];
       Eigen::Vector2d uv = sensor_->camera.project(p);
-      uv += kPixelNoise * scale * Eigen::Vector2d(noise(random_), noise(random_));
+      uv += kPixelNoise * scale * drawn<2>([&] { return noise(random_); });
       if (!sensor_->bounds.contains(uv.x(), uv.y())) continue;
       KeyPoint seen;
       seen.u = static_cast<float>(uv.x());

@@ -8,6 +8,7 @@
 #include <functional>
 #include <map>
 
+#include "geometry/tests/draws.hpp"
 #include "synthetic_scene.hpp"
 
 namespace slambed::testing {
@@ -168,14 +169,11 @@ TEST_F(MapperTest, BundleMovesPointsAndPosesToTheTruth) {
     MapDelta delta;
     for (const MapPointId id : view.point_ids())
       delta.positions.push_back(
-          {id,
-           view.point(id)->p_w +
-               0.02 * Eigen::Vector3d(noise(random), noise(random), noise(random)),
-           4});
+          {id, view.point(id)->p_w + 0.02 * drawn<3>([&] { return noise(random); }), 4});
     for (const KeyFrameId id : view.keyframe_ids()) {
       if (id == view.origin()) continue;
       SE3 T_cw = view.keyframe(id)->T_cw;
-      T_cw.t += 0.03 * Eigen::Vector3d(noise(random), noise(random), noise(random));
+      T_cw.t += 0.03 * drawn<3>([&] { return noise(random); });
       delta.poses.push_back({id, T_cw, 2});
     }
     return delta;

@@ -9,6 +9,7 @@
 
 #include "features/feature_set.hpp"
 #include "geometry/se3.hpp"
+#include "geometry/tests/draws.hpp"
 #include "map/map.hpp"
 
 namespace slambed::testing {
@@ -41,7 +42,8 @@ class SyntheticScene {
     // The walls of a box 8 m wide and deep and 4 m high, and things inside it.
     std::uniform_real_distribution<double> unit(-1, 1);
     for (int i = 0; i < points; ++i) {
-      Eigen::Vector3d p(4 * unit(random_), 2 * unit(random_), 4 * unit(random_));
+      Eigen::Vector3d p =
+          Eigen::Vector3d(4, 2, 4).cwiseProduct(drawn<3>([&] { return unit(random_); }));
       const int wall = static_cast<int>(random_() % 8);
       if (wall == 0) p.x() = 4;
       if (wall == 1) p.x() = -4;
@@ -78,7 +80,7 @@ class SyntheticScene {
           std::lround(std::log(thing.max_distance_m / p.norm()) / std::log(1.2) - 1e-9));
       if (octave < 0 || octave > 7) continue;
       const double scale = sensor_->pyramid.scale[octave];
-      uv += view.pixel_noise * scale * Eigen::Vector2d(noise(random_), noise(random_));
+      uv += view.pixel_noise * scale * drawn<2>([&] { return noise(random_); });
       if (view.wrong_share > 0 && random_() % 1000 < view.wrong_share * 1000)
         uv += Eigen::Vector2d(30, -25);
       if (!sensor_->bounds.contains(uv.x(), uv.y())) continue;

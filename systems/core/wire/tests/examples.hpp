@@ -76,8 +76,8 @@ inline MapDelta example_keyframe(std::mt19937& random, std::shared_ptr<const Sen
   for (int i = 0; i < known + fresh; ++i) {
     auto& slot = keyframe.points[static_cast<std::size_t>(i) * features / (known + fresh)];
     if (i % 2 == 0 ? i / 2 < known : i / 2 >= fresh) {
-      slot = point_id(1 + random() % 8000,
-                      random() % 3 ? IdSpace::kEdgeMapper : IdSpace::kMobileMapper);
+      const IdSpace space = random() % 3 ? IdSpace::kEdgeMapper : IdSpace::kMobileMapper;
+      slot = point_id(1 + random() % 8000, space);
       continue;
     }
     NewPoint point;
