@@ -141,8 +141,7 @@ def power_hint(runs: int, share: float = 0.03) -> str:
     least = smallest_distinguishable_share(share, runs)
     if least is None:
         return (
-            f"With {runs} runs per combination no difference between shares of losses can "
-            "be shown."
+            f"With {runs} runs per combination no difference between shares of losses can be shown."
         )
     return (
         f"{runs} runs per combination distinguish {share:.0%} of losses from {least:.0%} or more "
