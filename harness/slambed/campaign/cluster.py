@@ -7,11 +7,13 @@ and ledger: a worker that dies leaves nothing, and Dask reassigns its run.
 """
 
 import math
+import signal
 import socket
 import sys
 import tempfile
 import threading
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
@@ -70,10 +72,7 @@ class ClusterExecutor:
 
     def close(self) -> None:
         """Disconnects; a cluster started for this campaign ends."""
-        cluster = self.client.cluster
-        self.client.close()
-        if cluster is not None:
-            cluster.close()
+        _close(self.client)
 
 
 def join_cluster(
@@ -98,7 +97,8 @@ def start_on_slurm(
     Dask's configuration (jobqueue.yaml)."""
     if jobs is None:
         raise SlambedError("--slurm needs --jobs: how many one-core jobs to ask Slurm for")
-    jobqueue = imported("dask_jobqueue", "--slurm")
+    with _own_ctrl_c():
+        jobqueue = imported("dask_jobqueue", "--slurm")
     distributed = imported("distributed", "--slurm")
     config = imported("dask.config", "--slurm")
     try:
@@ -125,7 +125,6 @@ def _pool(
     longest_s: float,
 ) -> ClusterExecutor:
     """Waits for the first worker. `hint`: what to do where none comes."""
-    executor = ClusterExecutor(played, client, 1)
     try:
         waited_s, next_s = 0.0, FIRST_NOTE_S
         while not _has_worker(client, wait_s := min(next_s, longest_s - waited_s)):
@@ -135,12 +134,29 @@ def _pool(
             if waited_s >= longest_s:
                 raise environment_error(line)
             notify(line)
-        executor.jobs = jobs or sum(client.nthreads().values())
+        return ClusterExecutor(played, client, jobs or sum(client.nthreads().values()))
     except BaseException:
         # Slurm's jobs would go on without a campaign.
-        executor.close()
+        _close(client)
         raise
-    return executor
+
+
+@contextmanager
+def _own_ctrl_c() -> Iterator[None]:
+    """Keeps this process's handler of SIGINT: importing dask_jobqueue sets one that exits with
+    status 0, as if a campaign that Ctrl-C ended were complete."""
+    kept = signal.getsignal(signal.SIGINT)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGINT, kept)
+
+
+def _close(client: Any) -> None:
+    cluster = client.cluster
+    client.close()
+    if cluster is not None:
+        cluster.close()
 
 
 def _has_worker(client: Any, wait_s: float) -> bool:

@@ -46,6 +46,8 @@ class Options:
     """Shows what would be executed without executing anything."""
     part: tuple[int, int] | None = None
     """(i, n): only the runs of part i of n, where several machines share a campaign."""
+    keys: frozenset[str] | None = None
+    """Keys of the runs to execute; None: all."""
     overall: "Overall | None" = None
     """Account of the campaign that this experiment is part of."""
     plans: dict[str, dict[str, str]] = field(default_factory=dict)

@@ -209,9 +209,28 @@ def at_host_pace(specs: list[RunSpec]) -> list[str]:
     )
     if not boards:
         return []
+    remedy = "--set pace=device makes them as long as there"
+    if any(spec.runtime is not None for spec in specs):
+        remedy = "pace: device is for experiments without programs that are not slambed's"
     return [
         f"computing times are this machine's with the limits of {', '.join(boards)}, usually much "
-        "shorter than on the device; --set pace=device makes them as long as there"
+        f"shorter than on the device; {remedy}"
+    ]
+
+
+def _end_before_end_s(
+    experiment: Experiment, sequences: Mapping[str, Sequence], names: Mapping[str, tuple[str, str]]
+) -> list[str]:
+    """Returns a remark for each shorter sequence that replaces the one that `end_s` was meant
+    for. Where nothing is replaced, the same is a mistake (`expand`)."""
+    end_s = experiment.playback.end_s
+    if end_s is None:
+        return []
+    lasting = {name: (found, sequences[found].times_s[-1]) for name, (found, _) in names.items()}
+    return [
+        f"{found} ends at {last_s:.0f} s, before playback.end_s {end_s:g}"
+        for name, (found, last_s) in lasting.items()
+        if found != name and last_s + END_SLACK_S < end_s
     ]
 
 
@@ -386,7 +405,11 @@ def make_plan(
         host_speed=load_host_speed().speed if netem is None else None,
     )
     specs = expand(experiment, source, library, profiles, circumstances, count)
-    remarks = remarks_on(profiles, max(played_s.values())) + at_host_pace(specs)
+    remarks = (
+        _end_before_end_s(experiment, sequences, names)
+        + remarks_on(profiles, max(played_s.values()))
+        + at_host_pace(specs)
+    )
     return Plan(experiment, specs, sequences, circumstances, left_out, remarks)
 
 

@@ -21,7 +21,7 @@ from slambed.campaign.plan import (
     make_plan,
     repetitions,
 )
-from slambed.campaign.prepared_inputs import prepare_input
+from slambed.campaign.prepared_inputs import Notify, prepare_input
 from slambed.campaign.processes import ProcessExecutor
 from slambed.campaign.run_plan import is_idle, print_to, run_plan
 from slambed.campaign.runner import CampaignOutcome, stop_on_signal
@@ -62,19 +62,20 @@ def run_experiment(
     files = (experiment, source, library, profiles)
     if hosts and experiment.roles is not None:
         raise source.complaint("a mobile node on a board has its edge here: no --hosts", ("roles",))
+    notify = partial(print_to, console)
     if hosts:
-        return _on_hosts(files, hosts, options, count, console)
+        return _on_hosts(files, hosts, options, count, console, notify)
     if asked == VIRTUAL:
-        return _virtually(files, options, count, console)
-    return _on_this_host(files, asked, options, count, console)
+        return _virtually(files, options, count, console, notify)
+    return _on_this_host(files, asked, options, count, console, notify)
 
 
-def _provider(library: Library, console: Console) -> Callable[[str], Path]:
-    return lambda name: prepare_input(name, library, partial(print_to, console)).file
+def _provider(library: Library, notify: Notify) -> Callable[[str], Path]:
+    return lambda name: prepare_input(name, library, notify).file
 
 
 def _on_this_host(
-    files: Files, asked: str, options: Options, count: int, console: Console
+    files: Files, asked: str, options: Options, count: int, console: Console, notify: Notify
 ) -> CampaignOutcome:
     """Runs on this host, with exclusive use of it."""
     # Importing containers and links takes 0.5 s, which virtual runs do not need.
@@ -96,8 +97,7 @@ def _on_this_host(
             "add --engine virtual"
         )
     decide(asked)
-    notify = partial(print_to, console)
-    provide = _provider(library, console)
+    provide = _provider(library, notify)
     if options.dry_run:
         plan = look_ahead(files, asked, count, provide, console, notify)
         return run_plan(plan, source, options, _not_idle, console)
@@ -154,13 +154,17 @@ def _hosts(options: Options) -> list[Host]:
 
 
 def _on_hosts(
-    files: Files, hosts: list[Host], options: Options, count: int, console: Console
+    files: Files,
+    hosts: list[Host],
+    options: Options,
+    count: int,
+    console: Console,
+    notify: Notify,
 ) -> CampaignOutcome:
     """Runs on the hosts of a file, with exclusive use of each one."""
     from slambed.campaign.hosts import JoinedHosts
 
     experiment, source, library, _ = files
-    notify = partial(print_to, console)
 
     def plan_of(joined: JoinedHosts) -> Plan:
         return make_plan(
@@ -168,7 +172,7 @@ def _on_hosts(
             joined.engine,
             joined.software,
             count,
-            _provider(library, console),
+            _provider(library, notify),
             foreign=joined.foreign(experiment),
             notify=notify,
             netem=joined.netem,
@@ -200,16 +204,16 @@ def _may_be_there(experiment: Experiment, options: Options) -> bool:
     )
 
 
-def _virtually(files: Files, options: Options, count: int, console: Console) -> CampaignOutcome:
+def _virtually(
+    files: Files, options: Options, count: int, console: Console, notify: Notify
+) -> CampaignOutcome:
     """Runs virtually: needs no privilege and locks only the result folder."""
     program = find_program(SIMULATION)
     features = cache_folder() / "features"
     if not options.dry_run:
         make_folder(options.results, "--results")
-    plan = _virtual_plan(files, count, console)
+    plan = _virtual_plan(files, count, notify)
     prune_features(features)
-
-    notify = partial(print_to, console)
 
     def executor_of(played: Played) -> Executor:
         if options.scheduler:
@@ -228,10 +232,11 @@ def plan_virtually(name: str, settings: list[str], console: Console) -> tuple[Pl
     library = Library()
     experiment, source = library.experiment(name, settings)
     profiles = check(experiment, source, library, VIRTUAL)
-    return _virtual_plan((experiment, source, library, profiles), 1, console), source
+    notify = partial(print_to, console)
+    return _virtual_plan((experiment, source, library, profiles), 1, notify), source
 
 
-def _virtual_plan(files: Files, count: int, console: Console) -> Plan:
-    provide = _provider(files[2], console)
+def _virtual_plan(files: Files, count: int, notify: Notify) -> Plan:
+    provide = _provider(files[2], notify)
     software = host_software(program=SIMULATION)
-    return make_plan(*files, VIRTUAL, software, count, provide, notify=partial(print_to, console))
+    return make_plan(*files, VIRTUAL, software, count, provide, notify=notify)

@@ -72,7 +72,11 @@ def run_plan(
         notify=notify,
     ):
         # Before anything is written: a mistyped scheduler address must leave no files.
-        executor = NoRuns() if is_idle(plan, options) else executor_of(played)
+        try:
+            executor = NoRuns() if is_idle(plan, options) else executor_of(played)
+        except KeyboardInterrupt:
+            # The wait for a quiet host or for the first job of a cluster may take hours.
+            return CampaignOutcome(interrupted=True)
         try:
             folder.create()
             return _fill(plan, source, options, folder, executor, console)
@@ -199,7 +203,11 @@ def chosen(specs: list[RunSpec], only: Iterable[str], option: str = "--only") ->
 def _wanted(specs: list[RunSpec], options: Options) -> set[str]:
     """Returns the keys of the runs that were asked for on this machine."""
     keys = (spec.run_key for spec in chosen(specs, options.only))
-    return {key for key in keys if in_part(key, options.part)}
+    return {
+        key
+        for key in keys
+        if in_part(key, options.part) and (options.keys is None or key in options.keys)
+    }
 
 
 def is_idle(plan: Plan, options: Options) -> bool:

@@ -51,11 +51,12 @@ NO_MANIFEST = "without a readable manifest"
 
 def plans(results: Path) -> Iterator[tuple[str, set[str]]]:
     """Yields every experiment with the keys in its plans, for all engines."""
-    for name, runs in _planned(results):
+    for name, runs in planned(results):
         yield name, _keys(runs)
 
 
-def _planned(results: Path) -> Iterator[tuple[str, list[dict[str, Any]]]]:
+def planned(results: Path) -> Iterator[tuple[str, list[dict[str, Any]]]]:
+    """Yields every experiment with the runs in its plans, as experiment.json has them."""
     for path in sorted(results.glob("*/experiment.json")):
         runs = _runs_of(read_object(path))
         if runs is None:
@@ -97,14 +98,14 @@ def unnamed(results: Path) -> set[str]:
 
 def unnamed_by_reason(results: Path) -> dict[Reason, set[str]]:
     """Returns the same by the experiment that executed them, and why they are in no plan."""
-    store, planned = RunStore(results), dict(_planned(results))
+    store, plans_of = RunStore(results), dict(planned(results))
     found: defaultdict[Reason, set[str]] = defaultdict(set)
     for key in unnamed(results):
         manifest = store.manifest(key)
         spec = manifest.kept if manifest is not None else KeptSpec()
         if spec.experiment is None:
             found[Reason("", NO_MANIFEST)].add(key)
-        elif (runs := planned.get(spec.experiment)) is None:
+        elif (runs := plans_of.get(spec.experiment)) is None:
             found[Reason(spec.experiment, NO_PLAN)].add(key)
         elif _is_taken_out(spec, runs):
             why = f"of {spec.system}:{spec.variant}, which the experiment no longer names"

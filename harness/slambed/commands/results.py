@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""`slambed results`: shows the size of runs, removes those in no plan, and packs them."""
+"""`slambed results`: shows the size of runs, removes those in no plan, packs them, and plays some
+again to compare."""
 
 from dataclasses import asdict
 from pathlib import Path
@@ -7,8 +8,9 @@ from typing import Annotated
 
 import typer
 
-from slambed.errors import SlambedError
-from slambed.terminal import RESULTS, JsonOption, ResultsOption, print_json
+from slambed.commands.shared_options import JobsOption, interrupted
+from slambed.errors import ExitCode, SlambedError
+from slambed.terminal import RESULTS, JsonOption, ResultsOption, console, print_json
 
 app = typer.Typer(help="What is kept of runs, and what it takes.", no_args_is_help=True)
 
@@ -111,6 +113,71 @@ def unpack_command(
 
     found, new = unpack(file, results)
     typer.echo(f"{file}: {found} runs, {new} of them new in {results}")
+
+
+@app.command("replay")
+def replay_command(
+    what: Annotated[
+        str, typer.Argument(help="A packed file (.tar.xz), or an experiment with results.")
+    ],
+    *,
+    runs: Annotated[int, typer.Option(min=1, help="How many runs to draw.")] = 10,
+    seed: Annotated[int, typer.Option(help="Seed of the draw; the same draws the same runs.")] = 1,
+    experiment: Annotated[
+        list[str] | None,
+        typer.Option(help="File of an experiment in the packed file that is not one of slambed's."),
+    ] = None,
+    settings: Annotated[
+        list[str] | None,
+        typer.Option("--set", help="KEY=VALUE as given to `slambed run`; repeatable."),
+    ] = None,
+    jobs: JobsOption = None,
+    results: ResultsOption = RESULTS,
+) -> None:
+    """Play some virtual runs again, drawn at random, and compare them with what is there.
+
+    Every file that the packed file or the results folder has of these runs is compared, apart from
+    manifests, which tell when and where. Nothing is written into the results. Exits with 1 where
+    something differs.
+    """
+    import tempfile
+
+    from slambed.campaign.pack import extract
+    from slambed.campaign.replay import draw, replay
+    from slambed.campaign.size import plans
+    from slambed.spec.library import Library
+
+    screen = console()
+    files = {Library().experiment(file)[0].id: file for file in experiment or []}
+    with tempfile.TemporaryDirectory(prefix="slambed-packed.") as place:
+        if what.endswith(".tar.xz"):
+            before = Path(place)
+            extract(Path(what), before)
+            names = [name for name, _ in plans(before)]
+        else:
+            before = results
+            _must_be_there(results)
+            names = [Library().experiment(what)[0].id]
+            files[names[0]] = what
+        drawn = draw(before, names, runs, seed)
+        found = replay(before, drawn, files, settings or [], jobs, screen)
+    if found.interrupted:
+        raise interrupted()
+    for run, why in found.left_out.items():
+        typer.echo(f"not compared: {run}: {why}")
+    for run, different in found.different.items():
+        typer.echo(f"different: {run}: {', '.join(different)}")
+    typer.echo(
+        f"{len(found.same)} of {len(drawn)} runs are the same, in {found.files} files"
+        + (f"; {len(found.different)} differ" if found.different else "")
+        + (f"; {len(found.left_out)} not compared" if found.left_out else "")
+    )
+    if len(found.same) < len(drawn):
+        raise SlambedError(
+            f"{len(drawn) - len(found.same)} of {len(drawn)} runs of {what} are not shown to be "
+            "the same",
+            ExitCode.NOT_ALL_GOOD,
+        )
 
 
 def _must_be_there(results: Path) -> None:

@@ -68,7 +68,7 @@ class Profile:
     remarks: tuple[str, ...] = ()
     """What was assumed about its traces, a line each."""
     recorded_s: Mapping[str, float] = field(default_factory=dict)
-    """Length of each trace that is played from its beginning for as long as a run lasts."""
+    """Length of each trace that is played for as long as a run lasts, by file and start."""
 
     def up_ms(self, t: Times) -> Times:
         """Returns the one-way delay mobile to edge at run times `t` [s]."""

@@ -29,7 +29,7 @@ class ProfileReader:
         self.remarks: list[str] = []
         """What was assumed about its traces, a line each."""
         self.recorded_s: dict[str, float] = {}
-        """Length of each trace of round-trip times for which the profile names no `length_s`."""
+        """Trace of round-trip times that plays for as long as a run lasts -> its length."""
 
     def complaint(self, what: str, place: str = "", advice: str = "") -> SlambedError:
         spot = f"{self.where} at {place}" if place else self.where
@@ -80,7 +80,8 @@ class ProfileReader:
             description = self.model(TraceFile, inner, below)
             trace = read_rtt_trace(description, self.near, self.remarks)
             if description.length_s is None:
-                self.recorded_s[Path(description.file).name] = float(trace.times_s[-1])
+                from_s = f" from {description.start_s:g} s on" if description.start_s else ""
+                self.recorded_s[description.file + from_s] = float(trace.times_s[-1])
             return trace
         if kind in curves.PLAIN:
             plain: Curve = self.model(curves.PLAIN[kind], inner, below)  # type: ignore[assignment]
@@ -112,7 +113,10 @@ class ProfileReader:
         mapping = self.only(data, list(model.model_fields), place)
         if "of" not in mapping:
             raise self.complaint("key 'of' is missing", place, "give the curve to work on")
+        known = dict(self.recorded_s)
         inner = self.curve(mapping["of"], f"{place}.of")
+        if model is curves.Repeat:
+            self.recorded_s = known
         wrapped: Curve = self.model(model, {**mapping, "of": inner}, place)  # type: ignore[assignment]
         return wrapped
 

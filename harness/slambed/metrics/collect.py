@@ -88,11 +88,18 @@ def events_file(folder: Path, types: Collection[str]) -> Path | None:
     if (whole := folder / EVENTS).exists():
         return whole
     some = folder / SOME_EVENTS
+    kept = types_kept(some)
+    return some if kept and set(types) <= set(kept) else None
+
+
+def types_kept(some: Path) -> list[str]:
+    """Returns the types of which SOME_EVENTS has every event; none if it is missing or
+    unreadable."""
     try:
-        kept = (pq.read_schema(some).metadata or {}).get(TYPES_KEY, b"").decode().split(",")
+        named = (pq.read_schema(some).metadata or {}).get(TYPES_KEY, b"").decode()
     except (OSError, pa.ArrowException):
-        return None
-    return some if set(types) <= set(kept) else None
+        return []
+    return [name for name in named.split(",") if name]
 
 
 def events_today(table: pd.DataFrame) -> pd.DataFrame:

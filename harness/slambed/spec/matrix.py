@@ -43,7 +43,8 @@ class NamedProfile:
     remarks: tuple[str, ...] = ()
     """What was assumed about its files, a line each."""
     recorded_s: Mapping[str, float] = field(default_factory=dict)
-    """File -> length of a recording of which a run plays as much as it lasts."""
+    """File and start -> length from there of a recording of which a run plays as much as it
+    lasts."""
 
 
 @dataclass(frozen=True)

@@ -28,6 +28,7 @@ from slambed.campaign.remote_result import LostWorkerError, result_of
 from slambed.campaign.remote_sequence import pack, unpack
 from slambed.engines.result import InterruptedRunError
 from slambed.errors import ExitCode
+from slambed.failures import INTERRUPTED
 from slambed.native import find_program, repository_root
 
 RUNS = 3
@@ -281,6 +282,38 @@ def test_who_waits_for_slurm_is_told_where_to_look(
     with pytest.raises(KeyboardInterrupt):
         start_on_slurm({}, 1, note)
     assert "squeue --me" in notes[0] and str(tmp_path) in notes[0]
+    assert (tmp_path / "cancelled").read_text().split() == ["17"]
+
+
+@needs_programs
+def test_ctrl_c_while_slurm_lets_wait_cancels_the_job(tmp_path: Path) -> None:
+    (tmp_path / "bin").mkdir()
+    for name, text in (
+        ("sbatch", f'touch {tmp_path}/submitted; echo "Submitted batch job 17"'),
+        ("scancel", f'echo "$@" >>"{tmp_path}/cancelled"'),
+    ):
+        (tmp_path / "bin" / name).write_text(f"#!/bin/bash\n{text}\n")
+        (tmp_path / "bin" / name).chmod(0o755)
+    path = write_experiment(tmp_path, make_sequence(tmp_path / "walk", 1), 1)
+    command = ["run", str(path), "--results", str(tmp_path / "results"), "--slurm", "--jobs", "1"]
+    campaign = subprocess.Popen(
+        [sys.executable, "-c", "from slambed.commands.main import main; main()", *command],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.STDOUT,
+        text=True,
+        cwd=tmp_path,
+        env=os.environ
+        | {
+            "PATH": f"{tmp_path / 'bin'}:{os.environ['PATH']}",
+            "PYTHONPATH": str(repository_root() / "harness"),
+        },
+    )
+    until((tmp_path / "submitted").exists, "the job", STARTS_S)
+    time.sleep(1)  # The number of the job is read after it was submitted.
+    campaign.send_signal(signal.SIGINT)
+    out, _ = campaign.communicate(timeout=STARTS_S)
+    assert campaign.returncode == INTERRUPTED, out
+    assert "interrupted" in out and "Traceback" not in out, out
     assert (tmp_path / "cancelled").read_text().split() == ["17"]
 
 

@@ -26,6 +26,7 @@ from slambed.spec.device import VIRTUAL
 from slambed.spec.experiment import DEVICE_PACE, Playback
 from slambed.spec.library import Library
 from slambed.spec.matrix import NamedProfile
+from slambed.spec.runtime import RoleRuntime, Runtime
 
 
 def test_a_recording_longer_than_the_runs_is_said() -> None:
@@ -44,6 +45,9 @@ def test_live_runs_at_the_pace_of_this_machine_are_said() -> None:
     virtual = spec.model_copy(update={"engine": VIRTUAL})
     here = run_spec(engine="local", device_mobile=Library().device("host"))
     assert not at_host_pace([paced, virtual, here])
+    runtime = Runtime(mobile=RoleRuntime(command=["their-slam"]))
+    (line,) = at_host_pace([spec, spec.model_copy(update={"runtime": runtime})])
+    assert "--set" not in line and "programs that are not slambed's" in line
 
 
 def test_order_interleaves_and_repeats_itself() -> None:
@@ -132,6 +136,10 @@ def test_the_end_of_a_window_counts_from_the_begin_of_the_whole_sequence(
     assert planning.check(experiment, source, library) == []
     with pytest.raises(SlambedError, match=r"end_s 11 is after .* which lasts 9\.0 s"):
         plan_with(["tiny"], tmp_path, playback={"end_s": 11})
+    # A shorter sequence in place of the one that was asked for is no mistake, but is said.
+    replaced = plan_with(["longer_one"], tmp_path, playback={"end_s": 11}).remarks
+    assert "tiny ends at 9 s, before playback.end_s 11" in replaced
+    assert not plan_with(["longer_one"], tmp_path, playback={"end_s": 9}).remarks
 
 
 def test_a_fault_after_the_end_of_a_sequence_is_refused(

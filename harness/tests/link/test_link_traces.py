@@ -122,6 +122,18 @@ def test_a_window_begins_between_two_samples(tmp_path: Path) -> None:
     assert trace(tmp_path, text, start_s=0.2).rtt_ms(0) == 12
 
 
+def test_a_trace_has_a_length_where_the_run_decides_how_much_of_it_plays(tmp_path: Path) -> None:
+    for folder in ("near", "far"):
+        (tmp_path / folder).mkdir()
+        (tmp_path / folder / "rtt.csv").write_text("time_s,rtt_ms\n0,10\n1,20\n")
+    near = {"trace": {"file": "near/rtt.csv", "start_s": 0.75}}
+    far = {"trace": {"file": "far/rtt.csv"}}
+    again = {"repeat": {"of": far, "period_s": 0.5}}
+    both = parse_profile({"rtt_ms": {"sum": [near, far]}}, "test", tmp_path)
+    assert both.recorded_s == {"near/rtt.csv from 0.75 s on": 0.25, "far/rtt.csv": 1}
+    assert not parse_profile({"rtt_ms": again}, "test", tmp_path).recorded_s
+
+
 def test_a_recording_that_is_shorter_than_asked_is_told(tmp_path: Path) -> None:
     text = "time_s,rtt_ms\n0,10\n0.2,12\n"
     assert "lasts 0.2 s from start_s on, of the 9 s" in trace(tmp_path, text, length_s=9).remarks[0]

@@ -87,7 +87,7 @@ class Score:
 
     def line(self) -> str:
         if not self.cells:
-            return "no published number could be predicted out of sample"
+            return "not tested: each published number was fitted, or is not judged"
         return (
             f"{self.inside} of {self.cells} published numbers inside our 95 % prediction interval "
             f"(expected {EXPECTED:.0%}; p {self.p_value:.2g})"

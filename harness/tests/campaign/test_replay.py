@@ -1,0 +1,112 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Kept runs that are played again, and what is said where they differ."""
+
+import json
+from pathlib import Path
+
+import pytest
+from command_line import refused, slambed
+from virtual_parts import make_sequence, needs_programs, write_experiment
+
+from slambed.campaign.folder import ResultFolder
+from slambed.errors import ExitCode
+
+RUNS = 4
+"""Two systems, two runs each."""
+
+
+@pytest.fixture(scope="module")
+def played(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder with walk.yaml and its results."""
+    folder = tmp_path_factory.mktemp("played")
+    file = write_experiment(folder, make_sequence(folder / "walk", 2))
+    assert call("run", str(file), "--no-figures", *of(folder))[0] == ExitCode.OK
+    return folder
+
+
+def call(*arguments: str) -> tuple[int, str]:
+    code, out, err = slambed(*arguments)
+    return code, out + err
+
+
+def of(folder: Path) -> tuple[str, str]:
+    return "--results", str(folder / "results")
+
+
+def replay(folder: Path, *more: str) -> tuple[int, str]:
+    return call("results", "replay", str(folder / "walk.yaml"), *of(folder), *more)
+
+
+@needs_programs
+def test_runs_played_again_are_the_same(played: Path) -> None:
+    before = sorted((played / "results").rglob("*"))
+    code, out = replay(played, "--runs", "2")
+    assert code == ExitCode.OK, out
+    assert "2 of 2 runs are the same, in " in out
+    assert "2 not asked for" in out
+    # At most as many as there are.
+    code, out = replay(played, "--runs", "99", "--seed", "7")
+    assert code == ExitCode.OK and f"{RUNS} of {RUNS} runs are the same" in out
+    assert sorted((played / "results").rglob("*")) == before
+
+
+@needs_programs
+def test_packed_runs_are_played_again(played: Path, tmp_path: Path) -> None:
+    file = str(tmp_path / "walk.tar.xz")
+    code, out = call(
+        "results", "pack", "walk", "-o", file, "--events", "keyframe_inserted", *of(played)
+    )
+    assert code == ExitCode.OK, out
+    again = ("results", "replay", file, "--runs", str(RUNS))
+    code, out = call(*again, "--experiment", str(played / "walk.yaml"))
+    assert code == ExitCode.OK, out
+    # The summary and the kept events of each.
+    assert f"{RUNS} of {RUNS} runs are the same, in {2 * RUNS} files" in out
+    assert "walk" in refused(ExitCode.BAD_INPUT, *again)
+
+
+@needs_programs
+def test_what_differs_is_named(played: Path) -> None:
+    store = ResultFolder(played / "results" / "walk").store
+    first, second, *_ = store.keys()
+    path = store.runs / first / "summary.json"
+    kept = path.read_text()
+    assert json.loads(kept)["ate_rmse_m"] > 0
+    try:
+        path.write_text(json.dumps(json.loads(kept) | {"ate_rmse_m": 7.0}))
+        (store.runs / second / "of_older_sources.parquet").write_bytes(b"")
+        code, out = replay(played)
+    finally:
+        path.write_text(kept)
+        (store.runs / second / "of_older_sources.parquet").unlink()
+    assert code == ExitCode.NOT_ALL_GOOD
+    assert f"different: {first} (walk, " in out and "summary.json" in out
+    assert "of_older_sources.parquet" in out
+    assert f"{RUNS - 2} of {RUNS} runs are the same" in out and "2 differ" in out
+
+
+@needs_programs
+def test_runs_that_cannot_be_played_here_are_not_compared(played: Path) -> None:
+    plan = played / "results" / "walk" / "experiment.json"
+    kept = plan.read_text()
+    content = json.loads(kept)
+    try:
+        for run in content["runs"]:
+            run["software"] = "0.0.9+elsewhere"
+        plan.write_text(json.dumps(content))
+        code, out = replay(played, "--runs", "1")
+        assert code == ExitCode.NOT_ALL_GOOD
+        assert "not compared" in out and "made by 0.0.9+elsewhere, here is 0.1.0+" in out
+    finally:
+        plan.write_text(kept)
+    code, out = replay(played, "--runs", "1", "--set", "playback.fps=5")
+    assert code == ExitCode.NOT_ALL_GOOD
+    assert "plans no such run here: other settings or inputs" in out
+
+
+def test_nothing_to_play_again_is_one_line(tmp_path: Path) -> None:
+    (tmp_path / "results").mkdir()
+    line = refused(ExitCode.BAD_INPUT, "results", "replay", "quickstart", *of(tmp_path))
+    assert "no results of quickstart" in line
+    line = refused(ExitCode.BAD_INPUT, "results", "replay", str(tmp_path / "no.tar.xz"))
+    assert "cannot read" in line
