@@ -2,13 +2,14 @@
 """Plays runs of a results folder again, drawn at random, and compares what came out: anybody can
 check packed virtual runs of others."""
 
+import math
 import random
 import tempfile
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from itertools import groupby
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import pyarrow as pa
 import pyarrow.parquet as pq
@@ -27,6 +28,11 @@ from slambed.spec.software import host_software, software_of_systems
 
 NOT_COMPARED = ("manifest.json", "log.txt")
 """Files that say when and where a run was played, and with which command."""
+RUN_BY = "experiment"
+"""Key of summary.json that is not compared: of several experiments with a run, the first one."""
+LAST_DIGITS = 1e-9
+"""Relative difference up to which numbers of a summary count as equal. Processors differ in the
+last digits of accuracies (docs/explanation/virtual-time.md)."""
 
 
 @dataclass(frozen=True)
@@ -52,6 +58,8 @@ class Replayed:
     same: list[Drawn] = field(default_factory=list)
     files: int = 0
     """Number of files that were equal, of all runs."""
+    digits: int = 0
+    """Number of runs among `same` whose accuracies have other last digits."""
     different: dict[Drawn, list[str]] = field(default_factory=dict)
     """Run -> its files that differ or are missing."""
     left_out: dict[Drawn, str] = field(default_factory=dict)
@@ -139,12 +147,13 @@ def _judge(
         found.left_out[run] = given_up.get(run.run_key, why)
         return
     old, new = before.runs / run.run_key, after.runs / run.run_key
-    names = list(_names(old))
-    if different := [name for name in names if not _equal(old / name, new / name)]:
+    compared = {name: _compare(old / name, new / name) for name in _names(old)}
+    if different := [name for name, result in compared.items() if result == "different"]:
         found.different[run] = different
         return
     found.same.append(run)
-    found.files += len(names)
+    found.files += len(compared)
+    found.digits += "digits" in compared.values()
 
 
 def _names(folder: Path) -> Iterator[str]:
@@ -155,23 +164,39 @@ def _names(folder: Path) -> Iterator[str]:
             yield name.as_posix()
 
 
-def _equal(old: Path, new: Path) -> bool:
+def _compare(old: Path, new: Path) -> Literal["same", "digits", "different"]:
     if old.name == SOME_EVENTS and not new.exists():
         types = types_kept(old)
         events = events_file(new.parent, types)
         if events is None:
-            return False
+            return "different"
         write_some_events(events, types, new)
     if not new.is_file():
-        return False
+        return "different"
     if old.read_bytes() == new.read_bytes():
-        return True
-    # Files that other versions of the libraries wrote differ in bytes and not in content.
+        return "same"
     if old.suffix == ".json":
-        return object_or_empty(old) == object_or_empty(new) != {}
+        ours, theirs = object_or_empty(old), object_or_empty(new)
+        if old.name == "summary.json":
+            ours.pop(RUN_BY, None)
+            theirs.pop(RUN_BY, None)
+        if ours and ours == theirs:
+            return "same"
+        return "digits" if _is_close(ours, theirs) else "different"
     if old.suffix == ".parquet":
+        # Another version of the library writes the same table in other bytes.
         try:
-            return bool(pq.read_table(old).equals(pq.read_table(new)))
+            return "same" if pq.read_table(old).equals(pq.read_table(new)) else "different"
         except (OSError, pa.ArrowException):
-            return False
-    return False
+            return "different"
+    return "different"
+
+
+def _is_close(a: Any, b: Any) -> bool:
+    if isinstance(a, dict) and isinstance(b, dict):
+        return a.keys() == b.keys() and all(_is_close(a[key], b[key]) for key in a)
+    if isinstance(a, list) and isinstance(b, list):
+        return len(a) == len(b) and all(map(_is_close, a, b))
+    if isinstance(a, float) and isinstance(b, float):
+        return math.isclose(a, b, rel_tol=LAST_DIGITS)
+    return type(a) is type(b) and bool(a == b)

@@ -137,8 +137,9 @@ def replay_command(
     """Play some virtual runs again, drawn at random, and compare them with what is there.
 
     Every file that the packed file or the results folder has of these runs is compared, apart from
-    manifests, which tell when and where. Nothing is written into the results. Exits with 1 where
-    something differs.
+    manifests, which tell when and where. Accuracies may differ in their last digits, as they do
+    between kinds of processors, and the last line says in how many runs they do. Nothing is written
+    into the results. Exits with 1 where something differs.
     """
     import tempfile
 
@@ -167,8 +168,9 @@ def replay_command(
         typer.echo(f"not compared: {run}: {why}")
     for run, different in found.different.items():
         typer.echo(f"different: {run}: {', '.join(different)}")
+    digits = f"; accuracies of {found.digits} have other last digits" if found.digits else ""
     typer.echo(
-        f"{len(found.same)} of {len(drawn)} runs are the same, in {found.files} files"
+        f"{len(found.same)} of {len(drawn)} runs are the same, in {found.files} files{digits}"
         + (f"; {len(found.different)} differ" if found.different else "")
         + (f"; {len(found.left_out)} not compared" if found.left_out else "")
     )

@@ -86,6 +86,25 @@ def test_what_differs_is_named(played: Path) -> None:
 
 
 @needs_programs
+def test_last_digits_and_the_experiment_that_played_first_are_no_difference(played: Path) -> None:
+    store = ResultFolder(played / "results" / "walk").store
+    path = store.runs / store.keys()[0] / "summary.json"
+    kept = path.read_text()
+    summary = json.loads(kept)
+    near = {"experiment": "stroll", "ate_rmse_m": summary["ate_rmse_m"] * (1 + 1e-13)}
+    try:
+        path.write_text(json.dumps(summary | near))
+        code, out = replay(played)
+        assert code == ExitCode.OK, out
+        assert f"{RUNS} of {RUNS} runs are the same" in out
+        assert out.rstrip().endswith("accuracies of 1 have other last digits")
+        path.write_text(json.dumps(summary | {"ate_rmse_m": summary["ate_rmse_m"] * (1 + 1e-6)}))
+        assert replay(played)[0] == ExitCode.NOT_ALL_GOOD
+    finally:
+        path.write_text(kept)
+
+
+@needs_programs
 def test_runs_that_cannot_be_played_here_are_not_compared(played: Path) -> None:
     plan = played / "results" / "walk" / "experiment.json"
     kept = plan.read_text()
