@@ -336,7 +336,8 @@ METRICS: tuple[Metric, ...] = (
          lambda run: pace.ratio(run.log) if run.spec.is_paced else None,
          "time of stages to the device's", digits=3),
     LowerIsBetter(
-        "mobile_cpu_percent_mean", "over playback; the manifest has the limit",
+        "mobile_cpu_percent_mean", "over playback; virtual: of a core of the modeled device; live: "
+        "of a core of the host, within the limit that the manifest has",
         lambda run: run.mobile.cpu_percent_mean, "mobile CPU", "% of a core", relevant_step=1.0,
         use=HEADLINE),
     LowerIsBetter(

@@ -190,9 +190,10 @@ def test_a_cell_breaks_where_it_may(text: str, lines: list[str]) -> None:
 
 
 def test_latex_special_letters_are_escaped() -> None:
-    table = Table("t", "c", [r"a\b", "50%"], [["x_y & z", "{#}"]], words=1)
+    table = Table("t", "c", [r"a\b", "50%"], [["x_y & z", "{#}"], ["T_M->E", "<|"]], words=1)
     assert r"a\textbackslash{}b & 50\%" in table.latex()
     assert r"x\_y \& z & \{\#\}" in table.latex()
+    assert r"T\_M-\textgreater{}E & \textless{}\textbar{}" in table.latex()
 
 
 def test_differences_name_the_better_system(reported: Path, tmp_path: Path) -> None:
