@@ -12,7 +12,7 @@ shift || true
 command -v clang++ >/dev/null || { echo "error: no clang++; install clang" >&2; exit 3; }
 made_here build-fuzz .
 cmake -S . -B build-fuzz -G Ninja -DCMAKE_CXX_COMPILER=clang++ -DSLAMBED_FUZZ=ON -DSLAMBED_TESTS=OFF -DSLAMBED_UNITY=ON \
-  -DCMAKE_CXX_FLAGS_RELEASE=-O1 >/dev/null
+  -DCMAKE_CXX_FLAGS_RELEASE=-O1 -DCMAKE_CXX_FLAGS="-Wno-unknown-warning-option -Wno-unknown-pragmas" >/dev/null
 ninja -C build-fuzz --quiet ${SLAMBED_NINJA_FLAGS:-} "${@:-fuzz_targets}"
 if [ $# -eq 0 ]; then
   set -- $(cd build-fuzz/bin && ls | grep '_fuzz$')

@@ -3,7 +3,8 @@
 # same_runs.sh BIN_A BIN_B EXPERIMENT [OPTION ...]: plays an experiment in virtual time with the programs of two folders, for
 # example of two architectures, and compares every trajectory and every table (events, samples, link). The options are those of
 # `slambed run`. Prepared sequences and masks of networks are shared; features and prior maps are made by each side's programs.
-# summary.json is not compared, because it has times of this host. Exit status 1: files differ; their names are printed.
+# summary.json is not compared, because kinds of processors differ in the last digits of accuracies. Exit status 1: files
+# differ; their names are printed.
 set -euo pipefail
 
 a=$(realpath "$1") b=$(realpath "$2") name=$3

@@ -48,6 +48,8 @@ class Options:
     """(i, n): only the runs of part i of n, where several machines share a campaign."""
     keys: frozenset[str] | None = None
     """Keys of the runs to execute; None: all."""
+    datasets: frozenset[str] | None = None
+    """Names of the datasets that virtual runs are planned on; None: all of the experiment."""
     overall: "Overall | None" = None
     """Account of the campaign that this experiment is part of."""
     plans: dict[str, dict[str, str]] = field(default_factory=dict)

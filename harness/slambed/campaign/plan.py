@@ -186,11 +186,11 @@ def remarks_on(profiles: list[NamedProfile], longest_s: float = math.inf) -> lis
     the longest run, if its length is known."""
     assumed_of_files = [f"profile {p.name}: {line}" for p in profiles for line in p.remarks]
     too_long = [
-        f"profile {p.name}: a run plays the first {longest_s:.0f} s of {length_s:.0f} s in {file}; "
-        "start_s chooses another part"
+        f"profile {p.name}: a run plays the first {longest_s:.0f} s of "
+        f"{part.length_s:.0f} s in {part}; start_s chooses another part"
         for p in profiles
-        for file, length_s in p.recorded_s.items()
-        if length_s > longest_s + END_SLACK_S
+        for part in dict.fromkeys(p.recorded)
+        if part.length_s > longest_s + END_SLACK_S
     ]
     return assumed_of_files + too_long
 
@@ -335,6 +335,7 @@ def make_plan(
     notify: Notify = lambda line: None,
     netem: bool | None = None,
     board: Board | None = None,
+    only_on: frozenset[str] | None = None,
 ) -> Plan:
     """Prepares the datasets, the inputs that their files name, and the masks of virtual runs;
     expands the matrix.
@@ -343,7 +344,8 @@ def make_plan(
     created. `foreign`: tags of systems with their own programs. `notify` is called before long
     work. `netem`: whether all of several hosts have netem; None means that this host executes the
     runs, and its speed enters their keys. `board`: the machine of the mobile nodes, if the
-    experiment selects one.
+    experiment selects one. `only_on`: names of the datasets to plan runs on, of which there must be
+    one in the experiment; None means all.
     """
     sequences: dict[str, Sequence] = {}
     names: dict[str, tuple[str, str]] = {}
@@ -351,6 +353,8 @@ def make_plan(
     playbacks: dict[str, Playback] = {}
     left_out: list[str] = []
     for index, name in enumerate(experiment.datasets):
+        if only_on is not None and name not in only_on:
+            continue
         try:
             sequence = prepare_sequence(name, notify)
             played_s[name] = sequence.played_s(experiment.playback)

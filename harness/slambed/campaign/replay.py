@@ -24,12 +24,14 @@ from slambed.files.json_file import object_or_empty
 from slambed.metrics.collect import SOME_EVENTS, events_file, types_kept, write_some_events
 from slambed.native import SIMULATION
 from slambed.spec.device import VIRTUAL
+from slambed.spec.library import Library
 from slambed.spec.software import host_software, software_of_systems
 
 NOT_COMPARED = ("manifest.json", "log.txt")
 """Files that say when and where a run was played, and with which command."""
 RUN_BY = "experiment"
 """Key of summary.json that is not compared: of several experiments with a run, the first one."""
+NOT_PLANNED = "its experiment plans no such run here: other settings or inputs"
 LAST_DIGITS = 1e-9
 """Relative difference up to which numbers of a summary count as equal. Processors differ in the
 last digits of accuracies (docs/explanation/virtual-time.md)."""
@@ -43,6 +45,8 @@ class Drawn:
     run_key: str
     cell: str
     system: str
+    dataset: str
+    """Name of its dataset in the experiment's file."""
     repetition: int
     seed: int
     software: str
@@ -78,21 +82,49 @@ def draw(results: Path, names: list[str], count: int, seed: int) -> list[Drawn]:
         known = ", ".join(plans) or "none"
         raise SlambedError(f"no results of {', '.join(missing)} in {results}; there are: {known}")
     store = RunStore(results)
-    runs = {run["run_key"]: (name, run) for name in names for run in plans[name]}
+    runs = {run["run_key"]: (name, run) for name in names for run in plans[name] if _is_whole(run)}
     there = [
         key
         for key, (_, run) in sorted(runs.items())
-        if run.get("engine") == VIRTUAL and store.state(key) == "valid"
+        if run["engine"] == VIRTUAL and store.state(key) == "valid"
     ]
     if not there:
         raise SlambedError(f"no valid virtual run of {', '.join(names)} in {results}")
     keys = random.Random(seed).sample(there, min(count, len(there)))
-    return sorted((_drawn(*runs[key]) for key in keys), key=lambda d: (d.experiment, d.run_key))
+    names_of = {name: _names_of_datasets(results / name) for name in names}
+    drawn = [_drawn(name, run, names_of[name]) for name, run in map(runs.__getitem__, keys)]
+    return sorted(drawn, key=lambda run: (run.experiment, run.run_key))
 
 
-def _drawn(experiment: str, run: dict[str, Any]) -> Drawn:
-    text = {key: str(run.get(key)) for key in ("run_key", "cell", "system", "software")}
-    return Drawn(experiment, repetition=run["repetition"], seed=run["seed"], **text)
+TEXT = ("run_key", "cell", "system", "dataset", "software", "engine")
+NUMBERS = ("repetition", "seed")
+
+
+def _is_whole(run: dict[str, Any]) -> bool:
+    """Returns whether a run of a plan has what a replay needs; without it nobody can find it."""
+    return all(isinstance(run.get(key), str) for key in TEXT) and all(
+        isinstance(run.get(key), int) for key in NUMBERS
+    )
+
+
+def _names_of_datasets(folder: Path) -> dict[str, str]:
+    """Returns sequence -> the name of its dataset in the experiment's file."""
+    datasets = object_or_empty(folder / "experiment.json").get("datasets")
+    named = datasets.items() if isinstance(datasets, dict) else ()
+    return {str(sequence): name for name, sequence in named}
+
+
+def _drawn(experiment: str, run: dict[str, Any], names_of: dict[str, str]) -> Drawn:
+    return Drawn(
+        experiment,
+        run["run_key"],
+        run["cell"],
+        run["system"],
+        names_of.get(run["dataset"], run["dataset"]),
+        run["repetition"],
+        run["seed"],
+        run["software"],
+    )
 
 
 def replay(
@@ -108,7 +140,14 @@ def replay(
 
     `files`: experiment -> its name or file, where that is another one. `settings`: as for `slambed
     run`. Runs of other sources than those here are not played.
+
+    Raises SlambedError for an experiment that is not known here, before anything is played.
     """
+    library = Library()
+    datasets = {
+        name: library.experiment(files.get(name, name), settings)[0].datasets
+        for name in dict.fromkeys(run.experiment for run in drawn)
+    }
     found = Replayed()
     here = host_software(program=SIMULATION)
     ours = software_of_systems(here, {run.system for run in drawn})
@@ -118,6 +157,8 @@ def replay(
             for run in runs:
                 if run.software != (tag := ours.get(run.system, here)):
                     found.left_out[run] = f"made by {run.software}, here is {tag}"
+                elif run.dataset not in datasets[experiment]:
+                    found.left_out[run] = NOT_PLANNED
             runs = [run for run in runs if run not in found.left_out]
             if not runs:
                 continue
@@ -129,6 +170,7 @@ def replay(
                 settings=settings,
                 keep_going=True,
                 keys=frozenset(run.run_key for run in runs),
+                datasets=frozenset(run.dataset for run in runs),
             )
             outcome = run_experiment(files.get(experiment, experiment), options, console)
             if outcome.interrupted:
@@ -143,8 +185,7 @@ def _judge(
     found: Replayed, run: Drawn, before: RunStore, after: RunStore, given_up: dict[str, str]
 ) -> None:
     if after.state(run.run_key) == "missing":
-        why = "its experiment plans no such run here: other settings or inputs"
-        found.left_out[run] = given_up.get(run.run_key, why)
+        found.left_out[run] = given_up.get(run.run_key, NOT_PLANNED)
         return
     old, new = before.runs / run.run_key, after.runs / run.run_key
     compared = {name: _compare(old / name, new / name) for name in _names(old)}

@@ -212,7 +212,7 @@ def _virtually(
     features = cache_folder() / "features"
     if not options.dry_run:
         make_folder(options.results, "--results")
-    plan = _virtual_plan(files, count, notify)
+    plan = _virtual_plan(files, count, notify, options.datasets)
     prune_features(features)
 
     def executor_of(played: Played) -> Executor:
@@ -236,7 +236,9 @@ def plan_virtually(name: str, settings: list[str], console: Console) -> tuple[Pl
     return _virtual_plan((experiment, source, library, profiles), 1, notify), source
 
 
-def _virtual_plan(files: Files, count: int, notify: Notify) -> Plan:
+def _virtual_plan(
+    files: Files, count: int, notify: Notify, datasets: frozenset[str] | None = None
+) -> Plan:
     provide = _provider(files[2], notify)
     software = host_software(program=SIMULATION)
-    return make_plan(*files, VIRTUAL, software, count, provide, notify=notify)
+    return make_plan(*files, VIRTUAL, software, count, provide, notify=notify, only_on=datasets)

@@ -175,18 +175,20 @@ class Sum(BaseModel):
         return None if None in ends else max(ends)
 
 
-class _Wrapped(BaseModel):
+class Wrapped(BaseModel):
     """A curve derived from another one."""
 
     model_config = ConfigDict(
         extra="forbid", frozen=True, allow_inf_nan=False, arbitrary_types_allowed=True
     )
+    plays_on: ClassVar[bool] = True
+    """Whether a longer run plays more of the other curve."""
 
     of: Any
     """The curve that is changed."""
 
 
-class Clamp(_Wrapped):
+class Clamp(Wrapped):
     """Another curve, clamped to `min_ms` and `max_ms`."""
 
     kind: ClassVar[str] = "clamp"
@@ -211,7 +213,7 @@ class Clamp(_Wrapped):
         return end
 
 
-class Scale(_Wrapped):
+class Scale(Wrapped):
     """Another curve times a factor."""
 
     kind: ClassVar[str] = "scale"
@@ -228,7 +230,7 @@ class Scale(_Wrapped):
         return end
 
 
-class Delayed(_Wrapped):
+class Delayed(Wrapped):
     """Another curve, shifted to begin later; its first value holds until then."""
 
     kind: ClassVar[str] = "delayed"
@@ -245,10 +247,11 @@ class Delayed(_Wrapped):
         return None if end is None else end + self.by_s
 
 
-class Repeat(_Wrapped):
+class Repeat(Wrapped):
     """The first `period_s` of another curve, repeated forever."""
 
     kind: ClassVar[str] = "repeat"
+    plays_on: ClassVar[bool] = False
 
     period_s: float = Field(ge=SHORTEST_S)
     """Length of the part that repeats."""
@@ -290,6 +293,6 @@ PLAIN: dict[str, type[BaseModel]] = {c.kind: c for c in (Ramp, Sine)}
 """Kinds whose YAML consists of their fields."""
 LISTS: dict[str, type[BaseModel]] = {c.kind: c for c in (Steps, Line)}
 """Kinds whose YAML is a list of [time s, ms] pairs."""
-WRAPPERS: dict[str, type[BaseModel]] = {c.kind: c for c in (Clamp, Scale, Delayed, Repeat)}
+WRAPPERS: dict[str, type[Wrapped]] = {c.kind: c for c in (Clamp, Scale, Delayed, Repeat)}
 """Kinds with a curve under `of`."""
 KINDS = ["constant", "sum", "trace", *PLAIN, *LISTS, *WRAPPERS]

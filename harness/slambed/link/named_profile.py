@@ -22,7 +22,7 @@ def read_profile(
     seen from folder `near`."""
     profile = parse_profile(item, where, near)
     content = {key: value for key, value in profile.content.items() if key not in WORDS}
-    return NamedProfile(profile.name, content, profile.remarks, profile.recorded_s)
+    return NamedProfile(profile.name, content, profile.remarks, profile.recorded)
 
 
 def adds_nothing(profile: NamedProfile) -> bool:

@@ -27,6 +27,7 @@ from slambed.link.traces import (
     sha256_of,
 )
 from slambed.native import repository_root
+from slambed.spec.recorded_part import RecordedPart
 from slambed.suggestion import suggestion
 
 LONGEST_S = 100_000.0
@@ -67,8 +68,8 @@ class Profile:
     """Input with which `parse_profile` recreates the profile; includes digests of traces."""
     remarks: tuple[str, ...] = ()
     """What was assumed about its traces, a line each."""
-    recorded_s: Mapping[str, float] = field(default_factory=dict)
-    """Length of each trace that is played for as long as a run lasts, by file and start."""
+    recorded: tuple[RecordedPart, ...] = ()
+    """Traces of round-trip times that play for as long as a run lasts."""
 
     def up_ms(self, t: Times) -> Times:
         """Returns the one-way delay mobile to edge at run times `t` [s]."""
@@ -214,7 +215,7 @@ def _build(data: Mapping[str, Any], overrides: Mapping[str, Any], reader: Profil
         rate_traces=traces,
         content=content,
         remarks=tuple(dict.fromkeys(reader.remarks)),
-        recorded_s=dict(reader.recorded_s),
+        recorded=tuple(reader.recorded),
     )
     _check_values(profile, reader)
     return replace(profile, duration=_duration(data, profile, reader))

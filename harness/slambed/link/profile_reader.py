@@ -14,6 +14,7 @@ from slambed.files.yaml_source import in_words, mistake
 from slambed.link import curves
 from slambed.link.curves import Curve
 from slambed.link.traces import TraceFile, find_trace, lasting_name, read_rtt_trace, sha256_of
+from slambed.spec.recorded_part import RecordedPart
 from slambed.spec.run_spec import with_trace_names
 from slambed.suggestion import suggestion
 
@@ -28,8 +29,8 @@ class ProfileReader:
         self.near = near
         self.remarks: list[str] = []
         """What was assumed about its traces, a line each."""
-        self.recorded_s: dict[str, float] = {}
-        """Trace of round-trip times that plays for as long as a run lasts -> its length."""
+        self.recorded: list[RecordedPart] = []
+        """Traces of round-trip times that play for as long as a run lasts."""
 
     def complaint(self, what: str, place: str = "", advice: str = "") -> SlambedError:
         spot = f"{self.where} at {place}" if place else self.where
@@ -80,8 +81,8 @@ class ProfileReader:
             description = self.model(TraceFile, inner, below)
             trace = read_rtt_trace(description, self.near, self.remarks)
             if description.length_s is None:
-                from_s = f" from {description.start_s:g} s on" if description.start_s else ""
-                self.recorded_s[description.file + from_s] = float(trace.times_s[-1])
+                length_s = float(trace.times_s[-1])
+                self.recorded.append(RecordedPart(description.file, description.start_s, length_s))
             return trace
         if kind in curves.PLAIN:
             plain: Curve = self.model(curves.PLAIN[kind], inner, below)  # type: ignore[assignment]
@@ -109,14 +110,14 @@ class ProfileReader:
             raise self.complaint(f"expected a list of curves, not {found}", place)
         return curves.Sum(parts=[self.curve(p, f"{place}[{i}]") for i, p in enumerate(parts)])
 
-    def _wrapped(self, model: type[BaseModel], data: Any, place: str) -> Curve:
+    def _wrapped(self, model: type[curves.Wrapped], data: Any, place: str) -> Curve:
         mapping = self.only(data, list(model.model_fields), place)
         if "of" not in mapping:
             raise self.complaint("key 'of' is missing", place, "give the curve to work on")
-        known = dict(self.recorded_s)
+        known = len(self.recorded)
         inner = self.curve(mapping["of"], f"{place}.of")
-        if model is curves.Repeat:
-            self.recorded_s = known
+        if not model.plays_on:
+            del self.recorded[known:]
         wrapped: Curve = self.model(model, {**mapping, "of": inner}, place)  # type: ignore[assignment]
         return wrapped
 

@@ -25,6 +25,7 @@ from slambed.spec.experiment import (
 from slambed.spec.faults import Fault, with_cuts
 from slambed.spec.library import Library
 from slambed.spec.masks import Masks, MasksAsked
+from slambed.spec.recorded_part import RecordedPart
 from slambed.spec.run_spec import LinkSpec, RunSpec
 from slambed.spec.system import Scalar, System
 from slambed.suggestion import suggestion
@@ -42,9 +43,8 @@ class NamedProfile:
     content: dict[str, Any]
     remarks: tuple[str, ...] = ()
     """What was assumed about its files, a line each."""
-    recorded_s: Mapping[str, float] = field(default_factory=dict)
-    """File and start -> length from there of a recording of which a run plays as much as it
-    lasts."""
+    recorded: tuple[RecordedPart, ...] = ()
+    """Recordings of which a run plays as much as it lasts."""
 
 
 @dataclass(frozen=True)

@@ -26,11 +26,12 @@ from slambed.spec.device import VIRTUAL
 from slambed.spec.experiment import DEVICE_PACE, Playback
 from slambed.spec.library import Library
 from slambed.spec.matrix import NamedProfile
+from slambed.spec.recorded_part import RecordedPart
 from slambed.spec.runtime import RoleRuntime, Runtime
 
 
 def test_a_recording_longer_than_the_runs_is_said() -> None:
-    hall = NamedProfile("hall", {}, (), {"hall.log": 984.2})
+    hall = NamedProfile("hall", {}, (), (RecordedPart("hall.log", 0, 984.2),))
     (line,) = remarks_on([hall], 12.0)
     assert line.startswith("profile hall: a run plays the first 12 s of 984 s in hall.log")
     assert not remarks_on([hall], 983.5)

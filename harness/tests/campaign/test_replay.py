@@ -5,10 +5,14 @@ import json
 from pathlib import Path
 
 import pytest
+import yaml
 from command_line import refused, slambed
 from virtual_parts import make_sequence, needs_programs, write_experiment
 
+from slambed.campaign import plan
+from slambed.campaign.datasets import Sequence, prepare_sequence
 from slambed.campaign.folder import ResultFolder
+from slambed.campaign.masks import Notify
 from slambed.errors import ExitCode
 
 RUNS = 4
@@ -106,21 +110,63 @@ def test_last_digits_and_the_experiment_that_played_first_are_no_difference(play
 
 @needs_programs
 def test_runs_that_cannot_be_played_here_are_not_compared(played: Path) -> None:
-    plan = played / "results" / "walk" / "experiment.json"
-    kept = plan.read_text()
+    plan_file = played / "results" / "walk" / "experiment.json"
+    kept = plan_file.read_text()
     content = json.loads(kept)
     try:
         for run in content["runs"]:
             run["software"] = "0.0.9+elsewhere"
-        plan.write_text(json.dumps(content))
+        plan_file.write_text(json.dumps(content))
         code, out = replay(played, "--runs", "1")
         assert code == ExitCode.NOT_ALL_GOOD
         assert "not compared" in out and "made by 0.0.9+elsewhere, here is 0.1.0+" in out
     finally:
-        plan.write_text(kept)
+        plan_file.write_text(kept)
     code, out = replay(played, "--runs", "1", "--set", "playback.fps=5")
     assert code == ExitCode.NOT_ALL_GOOD
     assert "plans no such run here: other settings or inputs" in out
+    # The only line besides those of the runs.
+    assert out.rstrip().endswith("walk.yaml: 0 of 1 runs are the same, in 0 files; 1 not compared")
+
+
+@needs_programs
+def test_only_the_datasets_of_the_drawn_runs_are_prepared(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    sequences = [make_sequence(tmp_path / name, 2, name=name) for name in ("walk", "stroll")]
+    file = write_experiment(tmp_path, sequences[0])
+    content = yaml.safe_load(file.read_text())
+    content["datasets"] = list(map(str, sequences))
+    file.write_text(yaml.safe_dump(content))
+    assert call("run", str(file), "--no-figures", "--runs", "1", *of(tmp_path))[0] == ExitCode.OK
+    prepared: list[str] = []
+
+    def prepare(name: str, notify: Notify) -> Sequence:
+        prepared.append(name)
+        return prepare_sequence(name, notify)
+
+    monkeypatch.setattr(plan, "prepare_sequence", prepare)
+    code, out = replay(tmp_path, "--runs", "1")
+    assert code == ExitCode.OK, out
+    assert "1 of 1 runs are the same" in out
+    assert len(prepared) == 1 and prepared[0] in map(str, sequences)
+
+
+@needs_programs
+def test_a_plan_that_is_not_whole_is_no_bug_of_ours(played: Path) -> None:
+    plan_file = played / "results" / "walk" / "experiment.json"
+    kept = plan_file.read_text()
+    content = json.loads(kept)
+    try:
+        for run in content["runs"]:
+            del run["run_key"]
+        plan_file.write_text(json.dumps(content))
+        line = refused(
+            ExitCode.BAD_INPUT, "results", "replay", str(played / "walk.yaml"), *of(played)
+        )
+        assert "no valid virtual run of walk" in line
+    finally:
+        plan_file.write_text(kept)
 
 
 def test_nothing_to_play_again_is_one_line(tmp_path: Path) -> None:

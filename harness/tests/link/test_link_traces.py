@@ -12,6 +12,7 @@ from slambed.errors import SlambedError
 from slambed.link.named_profile import read_profile
 from slambed.link.profile import Profile, load_profile, parse_profile
 from slambed.link.traces import at_full_paths, mean_rate_mbps, read_rate_trace
+from slambed.spec.recorded_part import RecordedPart
 from slambed.spec.run_spec import LinkSpec
 
 
@@ -130,8 +131,10 @@ def test_a_trace_has_a_length_where_the_run_decides_how_much_of_it_plays(tmp_pat
     far = {"trace": {"file": "far/rtt.csv"}}
     again = {"repeat": {"of": far, "period_s": 0.5}}
     both = parse_profile({"rtt_ms": {"sum": [near, far]}}, "test", tmp_path)
-    assert both.recorded_s == {"near/rtt.csv from 0.75 s on": 0.25, "far/rtt.csv": 1}
-    assert not parse_profile({"rtt_ms": again}, "test", tmp_path).recorded_s
+    parts = (RecordedPart("near/rtt.csv", 0.75, 0.25), RecordedPart("far/rtt.csv", 0, 1))
+    assert both.recorded == parts
+    assert list(map(str, parts)) == ["near/rtt.csv from 0.75 s on", "far/rtt.csv"]
+    assert not parse_profile({"rtt_ms": again}, "test", tmp_path).recorded
 
 
 def test_a_recording_that_is_shorter_than_asked_is_told(tmp_path: Path) -> None:
