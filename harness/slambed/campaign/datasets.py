@@ -105,6 +105,17 @@ def _described(name: str) -> Dataset | SequenceInfo:
     return catalog.whole(catalog.resolve(name))
 
 
+def sequence_id(name: str) -> str:
+    """Returns the ID of the sequence that a dataset becomes, or that replaces it here; prepares
+    nothing."""
+    from slambed.data.catalog import Catalog
+    from slambed.data.prepared import PreparedSequence
+
+    if (Path(name) / SEQUENCE_FILE).is_file():
+        return PreparedSequence.open(name).info.id
+    return Catalog.load().resolve(name).id
+
+
 def must_be_here(name: str) -> None:
     """Raises MissingDataError for a dataset without a source on this machine; prepares nothing."""
     from slambed.data.catalog import Catalog

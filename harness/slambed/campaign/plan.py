@@ -18,6 +18,7 @@ from slambed.campaign.datasets import (
     prepare_sequence,
     prior_map_of,
     sensor_of,
+    sequence_id,
     stand_in,
 )
 from slambed.campaign.ledger import utc_now
@@ -105,7 +106,7 @@ def check(
     profiles = read_profiles(experiment, source, read_profile)
     _check_profiles(experiment, source, profiles)
     kept = _kept_sequences(experiment)
-    _expand_unprepared(experiment, source, library, profiles, engine, kept)
+    first_runs(experiment, source, library, profiles, engine, kept)
     _check_readers(experiment, source, library)
     for index, name in enumerate(experiment.datasets):
         try:
@@ -269,11 +270,11 @@ def _check_readers(experiment: Experiment, source: YamlSource, library: Library)
 def planned_runs(experiment: Experiment, source: YamlSource, library: Library) -> int:
     """Returns the number of runs if all datasets are available."""
     profiles = read_profiles(experiment, source, read_profile)
-    cells = _expand_unprepared(experiment, source, library, profiles, experiment.engine)
+    cells = first_runs(experiment, source, library, profiles, experiment.engine)
     return len(cells) * repetitions(experiment, None)
 
 
-def _expand_unprepared(
+def first_runs(
     experiment: Experiment,
     source: YamlSource,
     library: Library,
@@ -285,7 +286,8 @@ def _expand_unprepared(
     datasets that are already prepared."""
     # An unprepared dataset is identified by its name instead of its content.
     nowhere = {
-        name: (kept[name].id if name in kept else name, name) for name in experiment.datasets
+        name: (kept[name].id if name in kept else _id_of(name), name)
+        for name in experiment.datasets
     }
     played_s = {name: known.played_s(experiment.playback) for name, known in kept.items()}
     anyhow = {profile.name: "" for profile in profiles}
@@ -295,6 +297,14 @@ def _expand_unprepared(
     playbacks = {name: known.playback(experiment.playback) for name, known in kept.items()}
     host = Circumstances(engine, anyhow, "", nowhere, played_s, playbacks, prior)
     return expand(experiment, source, library, profiles, host, runs=1)
+
+
+def _id_of(name: str) -> str:
+    """Returns by which name the runs on a dataset are known; an unknown one is reported later."""
+    try:
+        return sequence_id(name)
+    except SlambedError:
+        return name
 
 
 def wants_maps(experiment: Experiment) -> bool:

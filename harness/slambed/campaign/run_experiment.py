@@ -23,7 +23,7 @@ from slambed.campaign.plan import (
 )
 from slambed.campaign.prepared_inputs import Notify, prepare_input
 from slambed.campaign.processes import ProcessExecutor
-from slambed.campaign.run_plan import is_idle, print_to, run_plan
+from slambed.campaign.run_plan import check_selections, is_idle, print_to, run_plan
 from slambed.campaign.runner import CampaignOutcome, stop_on_signal
 from slambed.campaign.store import RunStore
 from slambed.data.places import cache_folder
@@ -60,6 +60,7 @@ def run_experiment(
     asked = hosts[0].engine if hosts else options.engine or experiment.engine
     profiles = check(experiment, source, library, asked)
     files = (experiment, source, library, profiles)
+    check_selections(files, asked, options)
     if hosts and experiment.roles is not None:
         raise source.complaint("a mobile node on a board has its edge here: no --hosts", ("roles",))
     notify = partial(print_to, console)

@@ -17,7 +17,7 @@ from slambed.campaign.host_executor import HostExecutor
 from slambed.campaign.ledger import Ledger
 from slambed.campaign.options import Options
 from slambed.campaign.order import in_part, interleaved
-from slambed.campaign.plan import Plan, experiment_json, notes
+from slambed.campaign.plan import Files, Plan, experiment_json, first_runs, notes
 from slambed.campaign.progress import CampaignProgress, duration
 from slambed.campaign.run_estimate import expected_run_s
 from slambed.campaign.runner import CampaignOutcome, Runner
@@ -31,7 +31,7 @@ from slambed.metrics.collect import keep_groundtruth
 from slambed.spec.device import VIRTUAL
 from slambed.spec.library import Library
 from slambed.spec.run_spec import RunSpec
-from slambed.spec.selection import facts_of, meant
+from slambed.spec.selection import Selection, facts_of, meant
 
 
 def run_plan(
@@ -199,6 +199,16 @@ def chosen(specs: list[RunSpec], only: Iterable[str], option: str = "--only") ->
         for s in specs
     ]
     return [s for s, ours in zip(specs, meant([*runs], only, option), strict=True) if ours]
+
+
+def check_selections(files: Files, engine: str, options: Options) -> None:
+    """Raises SlambedError for a selection that no run can match, before datasets are prepared.
+    What depends on the host is checked later: the engine that is chosen, and a board's device."""
+    if files[0].roles is not None or not (options.only or options.force):
+        return
+    cells = first_runs(*files, engine)
+    for option, texts in (("--only", options.only), ("--force", options.force)):
+        chosen(cells, [text for text in texts if "engine" not in Selection.of(text).keys], option)
 
 
 def _wanted(specs: list[RunSpec], options: Options) -> set[str]:

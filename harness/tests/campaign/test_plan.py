@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from command_line import slambed
 from data_samples import write_prepared
 from harness_parts import (
     run_spec,
@@ -21,7 +22,7 @@ from slambed.campaign.order import interleaved
 from slambed.campaign.plan import Plan, at_host_pace, make_plan, remarks_on, repetitions
 from slambed.data import places
 from slambed.data.recipe import DatasetPlayback
-from slambed.errors import SlambedError
+from slambed.errors import ExitCode, SlambedError
 from slambed.spec.device import VIRTUAL
 from slambed.spec.experiment import DEVICE_PACE, Playback
 from slambed.spec.library import Library
@@ -167,3 +168,15 @@ def test_repetitions(tmp_path: Path, asked: str | None, count: int) -> None:
     for bad in ("0", "-1", "many"):
         with pytest.raises(SlambedError, match="--runs"):
             repetitions(experiment, bad)
+
+
+def test_a_selection_without_a_run_is_refused_before_a_sequence_is_made(tmp_path: Path) -> None:
+    here = {"SLAMBED_CACHE": str(tmp_path / "cache"), "SLAMBED_DATA": ""}
+    results = ("--results", str(tmp_path / "results"))
+    for option in ("--only", "--force"):
+        words = ("run", "quickstart", "--engine", "virtual", option, "dataset=attic", *results)
+        code, _, line = slambed(*words, **here)
+        assert code == ExitCode.BAD_INPUT
+        # Named as in the results: by the sequence that stands in.
+        assert f"{option} dataset=attic is no combination; dataset: synthetic_" in line
+    assert not list((tmp_path / "cache").glob("prepared/*"))
