@@ -158,11 +158,18 @@ def run(
 def counts(
     names: PaperNames = None,
     results: ResultsOption = RESULTS,
+    packed: Annotated[
+        bool,
+        typer.Option("--packed", help="With the packed runs, papers/NAME/runs.tar.xz, instead."),
+    ] = False,
     as_json: JsonOption = False,
 ) -> None:
     """Count the printed numbers: judged, shown beside ours, and without one of ours by reason."""
+    import tempfile
+
     from slambed.commands.results_folders import result_folders
     from slambed.papers.compare import compare_paper
+    from slambed.papers.kept import kept_file, read_kept
     from slambed.papers.lookup import pool_of
     from slambed.papers.published import read_papers
     from slambed.papers.reasons import count_json, count_table
@@ -170,10 +177,20 @@ def counts(
     from slambed.terminal import console
 
     chosen = [paper for paper in read_papers(names or None) if paper.kind == "paper"]
-    if not results.is_dir():
-        raise SlambedError(f"no such folder: {results}; give the right --results")
-    pool = pool_of([load(folder) for folder in result_folders(results)])
-    pages = [compare_paper(paper, pool) for paper in chosen]
+    if packed:
+        if missing := [paper.id for paper in chosen if kept_file(paper.id) is None]:
+            raise SlambedError(f"{', '.join(missing)}: no packed runs; leave --packed out")
+        with tempfile.TemporaryDirectory(prefix="slambed-packed.") as place:
+            pages = [
+                compare_paper(paper, pool_of(read_kept(archive, Path(place) / paper.id)))
+                for paper in chosen
+                if (archive := kept_file(paper.id)) is not None
+            ]
+    else:
+        if not results.is_dir():
+            raise SlambedError(f"no such folder: {results}; give the right --results")
+        pool = pool_of([load(folder) for folder in result_folders(results)])
+        pages = [compare_paper(paper, pool) for paper in chosen]
     if as_json:
         print_json(count_json(pages))
     else:

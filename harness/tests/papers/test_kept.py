@@ -95,6 +95,15 @@ def test_the_pages_need_no_results_and_run_nothing(tmp_path: Path) -> None:
     assert sorted(path.name for path in (tmp_path / "results").iterdir()) == ["papers"]
 
 
+def test_the_numbers_of_packed_runs_are_counted(tmp_path: Path) -> None:
+    code, out, err = slambed("papers", "counts", "cloudslam", "--packed", "--json", cwd=tmp_path)
+    assert (code, err) == (0, "")
+    counted = json.loads(out)["cloudslam"]
+    assert counted["printed"] == 48 and counted["groups"]["beside"] > 0
+    assert counted["without"]["not_played"] == 0
+    assert not list(tmp_path.iterdir())
+
+
 def test_a_program_has_no_kept_runs(tmp_path: Path) -> None:
     line = refused(ExitCode.BAD_INPUT, "papers", "kept", "peer_orbslam2", cwd=tmp_path)
     assert line == "error: peer_orbslam2: no paper, so no runs are kept"
