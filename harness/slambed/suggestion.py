@@ -21,4 +21,7 @@ def did_you_mean(word: str, known: Iterable[str]) -> str:
 def _near(word: str, names: list[str]) -> str:
     in_any_case = {name.lower(): name for name in names}
     close = get_close_matches(word.lower(), in_any_case, n=1, cutoff=0.6)
-    return f"did you mean '{in_any_case[close[0]]}'?" if close else ""
+    # A name's beginning, as `ate` of ate_rmse_m, is too short to be near.
+    longer = [name for name in in_any_case if name.startswith(f"{word.lower()}_")]
+    found = (close or longer)[:1]
+    return f"did you mean '{in_any_case[found[0]]}'?" if found else ""

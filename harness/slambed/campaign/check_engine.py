@@ -45,5 +45,5 @@ def _not_ready(is_ready: Callable[[], None]) -> list[str]:
     try:
         is_ready()
     except SlambedError as error:
-        return [f"note: 'slambed run' is refused until then: {error}"]
+        return [f"note: 'slambed run' would be refused: {error}"]
     return []

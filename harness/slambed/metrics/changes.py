@@ -7,11 +7,12 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy import stats
 
-from slambed.metrics.statistics import CONFIDENCE, Interval, finite, interval
+from slambed.metrics.statistics import CONFIDENCE, Interval, finite
 
 Floats = NDArray[np.float64]
 EXACT_RUNS = 30
-"""Up to this number of runs Mann-Whitney's U has its exact distribution, above it a normal one."""
+"""Up to this number of runs per side, or of pairs, the tests' statistics have their exact
+distributions, above it normal ones."""
 
 
 def shift(a: ArrayLike, b: ArrayLike, confidence: float = CONFIDENCE) -> Interval:
@@ -27,7 +28,7 @@ def shift(a: ArrayLike, b: ArrayLike, confidence: float = CONFIDENCE) -> Interva
     outside = _outside(len(first), len(second), confidence)
     ends = max(outside - 1, 0)
     return Interval(
-        float(np.median(differences)),
+        _middle(differences),
         float(differences[ends]),
         float(differences[-1 - ends]),
         min(len(first), len(second)),
@@ -36,9 +37,22 @@ def shift(a: ArrayLike, b: ArrayLike, confidence: float = CONFIDENCE) -> Interva
 
 
 def paired_shift(a: Floats, b: Floats, confidence: float = CONFIDENCE) -> Interval:
-    """Returns the median of paired differences with an interval of order statistics. Two failed
-    runs have difference 0."""
-    return interval(_minus(b, a), confidence)
+    """Returns the median of the means of any two paired differences (Hodges and Lehmann 1963). The
+    interval holds all shifts that Wilcoxon's signed-rank test does not reject (Tukey; Hollander and
+    Wolfe, sec. 3.2 and 3.3).
+
+    Two failed runs (infinite) have difference 0, and so has the mean of a failure of A and one of
+    B. With too few pairs for an interval the range is returned.
+    """
+    differences = _minus(b, a)
+    count = len(differences)
+    with np.errstate(invalid="ignore"):
+        means = (differences[:, None] + differences[None, :])[np.triu_indices(count)] / 2
+    means = np.sort(np.where(np.isnan(means), 0.0, means))
+    outside = _outside_pairs(count, confidence)
+    ends = max(outside - 1, 0)
+    low, high = float(means[ends]), float(means[-1 - ends])
+    return Interval(_middle(means), low, high, count, is_range=outside == 0)
 
 
 def share_change(a: Floats, b: Floats, confidence: float = CONFIDENCE) -> Interval:
@@ -109,6 +123,12 @@ def _minus(b: Floats, a: Floats) -> Floats:
         return np.asarray(np.nan_to_num(b - a, nan=0.0, posinf=np.inf, neginf=-np.inf))
 
 
+def _middle(ordered: Floats) -> float:
+    """Returns the median; 0 halfway between a failure of A and one of B."""
+    low, high = ordered[(len(ordered) - 1) // 2], ordered[len(ordered) // 2]
+    return 0.0 if np.isinf(low) and low == -high else float((low + high) / 2)
+
+
 def _joined(one: float | Floats, other: float | Floats, phi: float) -> float:
     return float(np.sqrt(max(one**2 - 2 * phi * one * other + other**2, 0.0)))
 
@@ -122,6 +142,26 @@ def _outside(a: int, b: int, confidence: float) -> int:
         spread = np.sqrt(a * b * (a + b + 1) / 12)
         return max(int(a * b / 2 - normal_quantile(1 - tail) * spread), 0)
     return int(np.searchsorted(np.cumsum(_u_distribution(a, b)), tail, side="right"))
+
+
+@lru_cache
+def _outside_pairs(count: int, confidence: float) -> int:
+    """Returns the same for the sorted means of two paired differences."""
+    tail = (1 - confidence) / 2
+    if count > EXACT_RUNS:
+        spread = np.sqrt(count * (count + 1) * (2 * count + 1) / 24)
+        return max(int(count * (count + 1) / 4 - normal_quantile(1 - tail) * spread), 0)
+    return int(np.searchsorted(np.cumsum(_rank_sum_distribution(count)), tail, side="right"))
+
+
+@lru_cache
+def _rank_sum_distribution(count: int) -> Floats:
+    """Returns the probability of each sum 0..count*(count+1)/2 of the ranks of positive
+    differences: each rank is in it with probability 1/2."""
+    found = np.ones(1)
+    for rank in range(1, count + 1):
+        found = np.convolve(found, np.concatenate([[0.5], np.zeros(rank - 1), [0.5]]))
+    return found
 
 
 @lru_cache

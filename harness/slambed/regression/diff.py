@@ -14,7 +14,7 @@ import pandas as pd
 
 from slambed.errors import SlambedError
 from slambed.files.outputs import writing
-from slambed.metrics.catalog import keys_for
+from slambed.metrics.catalog import METRICS, keys_for
 from slambed.metrics.comparison import USUAL_ALPHA, holm, least_p
 from slambed.metrics.metric import Metric, Use
 from slambed.metrics.statistics import Interval
@@ -22,6 +22,7 @@ from slambed.regression.diff_sides import Side, Sides
 from slambed.report.cells import metrics_asked
 from slambed.report.contrast import contrast
 from slambed.report.tables import Table, around, check_format
+from slambed.suggestion import suggestion
 
 
 @dataclass(frozen=True)
@@ -62,6 +63,8 @@ def diff(sides: Sides, metrics: list[str] | None = None) -> list[Change]:
     """
     a, b = sides.a.results, sides.b.results
     asked = metrics or [key for key in metrics_asked(a) if key in metrics_asked(b)]
+    for key in metrics or []:
+        _must_be_known(key, sides)
     items = [a.metric(key) for key in asked or keys_for(Use.TESTED)]
     found = [
         change
@@ -88,6 +91,16 @@ def diff(sides: Sides, metrics: list[str] | None = None) -> list[Change]:
         )
         for c, p in zip(found, adjusted, strict=True)
     ]
+
+
+def _must_be_known(key: str, sides: Sides) -> None:
+    """Raises SlambedError for a metric that neither side can have."""
+    results = (sides.a.results, sides.b.results)
+    known = {item.key for item in METRICS if item.is_number}
+    for side in results:
+        known |= {name for name, item in side.own_metrics.items() if item.is_number}
+    if key not in known:
+        raise SlambedError(f"unknown metric '{key}'; {suggestion(key, known)}")
 
 
 def _words(side: Side) -> str:

@@ -43,6 +43,8 @@ class ComputeTime:
     """On a real board, not on this host."""
     model_ms: float | None
     """What the device's cost model charges for the same work; None without one."""
+    known: tuple[str, ...] = ()
+    """Systems on it whose stages these are."""
     unknown: tuple[str, ...] = ()
     """Systems on it that report no stages, such as a user's own."""
 
@@ -85,7 +87,8 @@ class ComputeTime:
 
     def line(self) -> str:
         """Returns the compute times in a sentence."""
-        per_frame = f"extraction and tracking take {self.ran_ms:.1f} ms per frame"
+        whose = self.known[0] if len(self.known) == 1 else f"{len(self.known)} systems (median)"
+        per_frame = f"extraction and tracking of {whose} take {self.ran_ms:.1f} ms per frame"
         if self.virtual:
             return f"Compute times of {self.device} are those of its cost model: {per_frame}."
         if self.paced:
@@ -124,6 +127,7 @@ def compute_times(results: Results) -> list[ComputeTime]:
         model = _model(str(device))
         ran: list[float] = []
         charged: list[float] = []
+        known: list[str] = []
         unknown: list[str] = []
         for label, own in rows.groupby("label", sort=False):
             kept = next(iter(with_events(results, own, KINDS)["run_key"]), "")
@@ -135,6 +139,7 @@ def compute_times(results: Results) -> list[ComputeTime]:
             if not stages:
                 unknown.append(str(label))
                 continue
+            known.append(str(label))
             ran.append(fsum(float(e.get("wall_ms") or 0.0) for e in stages) / frames)
             if model is not None:
                 charged.append(fsum(_charged_ms(model, e) for e in stages) / frames)
@@ -142,7 +147,7 @@ def compute_times(results: Results) -> list[ComputeTime]:
             model_ms = (float(np.median(charged)) or None) if charged else None
             ran_ms = float(np.median(ran))
             kind = (bool(virtual), bool(paced), ran_ms, bool(board))
-            found.append(ComputeTime(str(device), *kind, model_ms, tuple(unknown)))
+            found.append(ComputeTime(str(device), *kind, model_ms, tuple(known), tuple(unknown)))
     return found
 
 

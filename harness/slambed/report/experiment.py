@@ -20,7 +20,7 @@ from slambed.report.differences import difference_tables
 from slambed.report.hosts import host_table
 from slambed.report.html import PageContent, write_html
 from slambed.report.load import Results, load
-from slambed.report.not_measured import not_measured
+from slambed.report.not_measured import left_to_live_runs, not_measured
 from slambed.report.plots import TIME_FOR_FIGURES_S, Drawn, draw_all
 from slambed.report.rounds import update_round_tables
 from slambed.report.settings import settings_table
@@ -109,7 +109,7 @@ def write_report(
         drawn = draw_all(results, cells, folder, made_by, limit_s, formats)
     content = PageContent(
         warnings=summary.warnings,
-        setup=setup_lines(results, summary.times),
+        setup=[*setup_lines(results, summary.times), *left_to_live_runs(results)],
         settings=settings_table(results),
         cells=cells,
         tables=summary.tables,

@@ -49,7 +49,7 @@ def test_programs_that_are_not_built_are_reported(
     monkeypatch.setattr("slambed.native.build_folder", lambda: tmp_path)
     code, out, err = slambed("run", "quickstart", "--check", "--engine", "virtual", SLAMBED_BIN="")
     assert code == ExitCode.OK, err
-    assert "engine: virtual" in out and "refused until then: slambed-sim is not built" in out
+    assert "engine: virtual" in out and "would be refused: slambed-sim is not built" in out
 
 
 @needs_root
@@ -61,5 +61,5 @@ def test_a_program_of_ones_own_that_is_not_there_is_reported(tmp_path: Path) -> 
         "id: one\ntitle: one\nsystems: [{system: ./mine/system.yaml}]\ndatasets: [synthetic_room]\n"
     )
     code, out, err = slambed("run", str(path), "--check", "--engine", "local")
-    assert code == ExitCode.OK and "refused until then: runtime of " in out, err
+    assert code == ExitCode.OK and "would be refused: runtime of " in out, err
     assert "weights.bin: No such file" in out

@@ -7,6 +7,7 @@ import simulated_statistics as simulated
 from numpy.typing import NDArray
 
 from slambed.metrics.changes import paired_share_change, paired_shift, share_change, shift
+from slambed.metrics.comparison import signed_rank
 
 Floats = NDArray[np.float64]
 
@@ -25,6 +26,31 @@ def test_the_shift_of_a_textbook() -> None:
     assert change.count == 5 and not change.is_range
 
 
+def test_the_paired_shift_of_a_textbook() -> None:
+    """Depression before and after therapy: Hollander and Wolfe, examples 3.1 to 3.4."""
+    before = np.array([1.83, 0.50, 1.62, 2.48, 1.68, 1.88, 1.55, 3.06, 1.30])
+    after = np.array([0.878, 0.647, 0.598, 2.05, 1.06, 1.29, 1.06, 3.14, 1.29])
+    change = paired_shift(before, after)
+    assert (change.value, change.low, change.high) == pytest.approx((-0.46, -0.786, -0.010))
+    assert change.count == 9 and not change.is_range
+
+
+@pytest.mark.parametrize("pairs_of_runs", [5, 6, 10, 17, 40])
+def test_an_interval_has_no_zero_where_its_test_rejects(pairs_of_runs: int) -> None:
+    random = np.random.default_rng(3)
+    rejected = 0
+    for _ in range(200):
+        a = random.normal(size=pairs_of_runs)
+        b = a + random.normal(0.5, 1.0, size=pairs_of_runs)
+        change = paired_shift(a, b)
+        without_zero = not change.is_range and not change.low <= 0 <= change.high
+        p_value = signed_rank(a, b)
+        if abs(p_value - 0.05) > 0.004:  # the normal distribution of many pairs is not exact
+            assert without_zero == (p_value < 0.05), (p_value, change)
+        rejected += without_zero
+    assert rejected == 0 if pairs_of_runs < 6 else rejected > 10
+
+
 def test_three_runs_against_three_give_a_range() -> None:
     change = shift([1.0, 2.0, 3.0], [2.0, 4.0, 8.0])
     assert change.is_range and (change.low, change.high) == (-1.0, 7.0)
@@ -36,6 +62,8 @@ def test_failed_runs_are_infinitely_worse_and_no_worse_than_one_another() -> Non
     assert shift(failed, failed).value == 0 == paired_shift(failed, failed).high
     assert shift(np.arange(8.0), failed).low == np.inf
     assert paired_shift(failed, np.arange(8.0)).high == -np.inf
+    one_each = paired_shift(np.array([np.inf, 1.0]), np.array([1.0, np.inf]))
+    assert (one_each.value, one_each.low, one_each.high) == (0.0, -np.inf, np.inf)
 
 
 def test_the_paired_shares_of_the_method_s_paper() -> None:
