@@ -98,7 +98,10 @@ def kept(
     )
     for paper in chosen:
         if paper.id not in runs:
-            typer.echo(f"{paper.id}: no runs are kept, papers/{paper.id}/{KEPT_FILE} is missing")
+            typer.echo(
+                f"{paper.id}: no runs are kept here, papers/{paper.id}/{KEPT_FILE} is missing; the "
+                "repository of slambed has it, an installed wheel has not"
+            )
 
 
 @app.command()

@@ -8,7 +8,7 @@ from typing import Annotated
 
 import typer
 
-from slambed.commands.shared_options import JobsOption, interrupted
+from slambed.commands.shared_options import INTERRUPTED, JobsOption
 from slambed.errors import ExitCode, SlambedError
 from slambed.terminal import RESULTS, JsonOption, ResultsOption, console, print_json
 
@@ -164,7 +164,8 @@ def replay_command(
         drawn = draw(before, names, runs, seed)
         found = replay(before, drawn, files, settings or [], jobs, screen)
     if found.interrupted:
-        raise interrupted()
+        typer.echo("interrupted; nothing is kept, the same command begins again", err=True)
+        raise typer.Exit(INTERRUPTED)
     for run, why in found.left_out.items():
         typer.echo(f"not compared: {run}: {why}")
     for run, different in found.different.items():

@@ -351,10 +351,11 @@ METRICS: tuple[Metric, ...] = (
         "edge_cpu_percent_mean", "of the edge node", lambda run: run.edge.cpu_percent_mean,
         "edge CPU", "% of a core", relevant_step=1.0),
     LowerIsBetter(
-        "mobile_mem_mb_peak", "largest sample", lambda run: run.mobile.memory_mb_peak,
+        "mobile_mem_mb_peak", "largest sample of heap and stacks, without mapped files such as "
+        "libraries", lambda run: run.mobile.memory_mb_peak,
         "mobile memory, peak", "MiB", digits=0, relevant_step=2.0, use=HEADLINE),
     LowerIsBetter(
-        "mobile_mem_mb_mean", "mean of the samples", lambda run: run.mobile.memory_mb_mean,
+        "mobile_mem_mb_mean", "mean of these samples", lambda run: run.mobile.memory_mb_mean,
         "mobile memory, mean", "MiB", digits=0, relevant_step=2.0),
     LowerIsBetter(
         "mobile_mem_mb_slope", "growth, of the straight line through the samples, in MiB a minute",

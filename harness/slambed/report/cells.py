@@ -7,7 +7,7 @@ import numpy as np
 import pandas as pd
 
 from slambed.metrics.catalog import keys_for, metric
-from slambed.metrics.comparison import two_modes
+from slambed.metrics.comparison import power_hint, two_modes
 from slambed.metrics.metric import Metric, Use
 from slambed.metrics.robust_accuracy import LEAST_COVERAGE, coverage_aware_ate
 from slambed.metrics.statistics import Interval, finite, interval, wilson
@@ -186,3 +186,9 @@ def _scale_note(rows: pd.DataFrame) -> list[str]:
 def number(value: object) -> float | None:
     """Returns a float, or None for null."""
     return None if value is None or value != value else float(str(value))
+
+
+def what_runs_show(cells: list[Cell]) -> str:
+    """Returns which difference the runs of the smallest cell can show; empty if there is nothing to
+    compare."""
+    return power_hint(min(cell.valid for cell in cells)) if len(cells) > 1 else ""

@@ -10,11 +10,10 @@ from rich.text import Text
 
 from slambed.files.atomic import replacing
 from slambed.metrics.catalog import SUMMARY_KEYS
-from slambed.metrics.comparison import power_hint
 from slambed.report import current
 from slambed.report.board_facts import COLUMNS as BOARD
 from slambed.report.boards import board_table
-from slambed.report.cells import Cell, cells_of, metrics_to_show
+from slambed.report.cells import Cell, cells_of, metrics_to_show, what_runs_show
 from slambed.report.compute_times import ComputeTime, compute_times
 from slambed.report.differences import difference_tables
 from slambed.report.hosts import host_table
@@ -199,11 +198,11 @@ def headline(results: Results, cells: list[Cell]) -> str:
     if total == 0:
         return "Nothing was measured."
     of = f" of {results.expected}" if results.expected and results.expected > total else ""
-    fewest = min((cell.valid for cell in cells), default=0)
-    return (
-        f"{total}{of} runs in {len(cells)} combinations, {valid} valid{_failed(results)}. "
-        f"{power_hint(fewest)}"
+    several = "s" if len(cells) != 1 else ""
+    line = (
+        f"{total}{of} runs in {len(cells)} combination{several}, {valid} valid{_failed(results)}."
     )
+    return f"{line} {hint}" if (hint := what_runs_show(cells)) else line
 
 
 def _failed(results: Results) -> str:

@@ -10,8 +10,7 @@ import pandas as pd
 from markupsafe import Markup
 
 from slambed.metrics.catalog import metric
-from slambed.metrics.comparison import power_hint
-from slambed.report.cells import Cell, number
+from slambed.report.cells import Cell, number, what_runs_show
 from slambed.report.load import Results
 from slambed.report.overview import CAPTION, overviews, to_timeline
 from slambed.report.page import in_page, page_script, render
@@ -144,7 +143,7 @@ def _tiles(results: Results, cells: list[Cell]) -> list[tuple[str, str, str]]:
 def _hint(cells: list[Cell]) -> str:
     if not cells:
         return "Nothing was measured."
-    return power_hint(min(cell.valid for cell in cells))
+    return what_runs_show(cells)
 
 
 def _chosen_runs(runs: pd.DataFrame, in_pictures: set[str]) -> list[dict[str, Any]]:

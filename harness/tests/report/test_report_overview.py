@@ -3,6 +3,7 @@
 
 import re
 import shutil
+from html import escape
 from pathlib import Path
 
 import pandas as pd
@@ -143,7 +144,8 @@ def test_tables_of_events_say_how_many_runs_have_any(tmp_path: Path) -> None:
     (table,) = update_round_tables(results)
     assert "; from 1 of 2 runs, the others have no events" in table.caption
     page = write_report(experiment, figures=False).html.read_text()
-    assert f"The strips were chosen {picture.part}." in page and table.caption in page
+    assert f"The strips were chosen {picture.part}." in page
+    assert escape(table.caption, quote=False) in page
     place = ("--results", str(experiment.parent))
     code, out, _ = slambed("report", experiment.name, "--losses", *place)
     assert code == 0 and "note: losses from 2 of 3 runs, the others have no events" in out
