@@ -8,8 +8,9 @@ from typing import Annotated
 
 import typer
 
-from slambed.commands.shared_options import INTERRUPTED, JobsOption
+from slambed.commands.shared_options import JobsOption
 from slambed.errors import ExitCode, SlambedError
+from slambed.failures import INTERRUPTED
 from slambed.terminal import RESULTS, JsonOption, ResultsOption, console, print_json
 
 app = typer.Typer(help="What is kept of runs, and what it takes.", no_args_is_help=True)
