@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy import stats
 
-from slambed.metrics.statistics import CONFIDENCE, Interval, finite
+from slambed.metrics.statistics import CONFIDENCE, Interval, finite, minus
 
 Floats = NDArray[np.float64]
 EXACT_RUNS = 30
@@ -24,7 +24,7 @@ def shift(a: ArrayLike, b: ArrayLike, confidence: float = CONFIDENCE) -> Interva
     returned.
     """
     first, second = finite(a), finite(b)
-    differences = np.sort(_minus(second[:, None], first[None, :]).ravel())
+    differences = np.sort(minus(second[:, None], first[None, :]).ravel())
     outside = _outside(len(first), len(second), confidence)
     ends = max(outside - 1, 0)
     return Interval(
@@ -44,7 +44,7 @@ def paired_shift(a: Floats, b: Floats, confidence: float = CONFIDENCE) -> Interv
     Two failed runs (infinite) have difference 0, and so has the mean of a failure of A and one of
     B. With too few pairs for an interval the range is returned.
     """
-    differences = _minus(b, a)
+    differences = minus(b, a)
     count = len(differences)
     with np.errstate(invalid="ignore"):
         means = (differences[:, None] + differences[None, :])[np.triu_indices(count)] / 2
@@ -116,11 +116,6 @@ def wilson_limits(bad: ArrayLike, runs: ArrayLike, z: float) -> tuple[Floats, Fl
 def normal_quantile(probability: float) -> float:
     """Returns a quantile of the standard normal distribution."""
     return float(stats.norm.ppf(probability))
-
-
-def _minus(b: Floats, a: Floats) -> Floats:
-    with np.errstate(invalid="ignore"):
-        return np.asarray(np.nan_to_num(b - a, nan=0.0, posinf=np.inf, neginf=-np.inf))
 
 
 def _middle(ordered: Floats) -> float:

@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 from scipy import stats
 
 from slambed.errors import SlambedError
-from slambed.metrics.statistics import finite
+from slambed.metrics.statistics import finite, minus
 
 Floats = NDArray[np.float64]
 Alternative = Literal["two-sided", "less", "greater"]
@@ -58,8 +58,11 @@ def fisher(
 
 
 def signed_rank(a: ArrayLike, b: ArrayLike, alternative: Alternative = "two-sided") -> float:
-    """Returns the p-value of Wilcoxon's signed-rank test of paired runs; 1 if all pairs agree."""
-    difference = np.asarray(b, dtype=np.float64) - np.asarray(a, dtype=np.float64)
+    """Returns the p-value of Wilcoxon's signed-rank test of paired runs; 1 if all pairs agree.
+
+    Infinite values (failed runs) rank last; two of them agree.
+    """
+    difference = minus(np.asarray(b, dtype=np.float64), np.asarray(a, dtype=np.float64))
     changed = difference[difference != 0]
     if not len(changed):
         return 1.0
@@ -135,17 +138,17 @@ def smallest_distinguishable_share(
 
 
 def power_hint(runs: int, share: float = 0.03) -> str:
-    """Returns one sentence for reports on what this number of runs can show."""
+    """Returns one sentence for reports on what this number of runs can show in one test."""
     if runs < 2:
         return "One run per combination shows nothing about differences."
     least = smallest_distinguishable_share(share, runs)
     if least is None:
         return (
-            f"With {runs} runs per combination no difference between shares of losses can be shown."
+            f"With {runs} runs a side no single test of unpaired runs shows a difference of losses."
         )
     return (
-        f"{runs} runs per combination distinguish {share:.0%} of losses from {least:.0%} or more "
-        f"(80 % power, 5 % level)."
+        f"A single test of {runs} unpaired runs a side distinguishes {share:.0%} of losses from "
+        f"{least:.0%} or more (80 % power, 5 % level)."
     )
 
 

@@ -41,6 +41,12 @@ def finite(values: ArrayLike | Sequence[float | None]) -> Floats:
     return array[~pd.isna(array)].astype(np.float64)
 
 
+def minus(b: Floats, a: Floats) -> Floats:
+    """Returns b - a; 0 of two failed runs, which are infinite."""
+    with np.errstate(invalid="ignore"):
+        return np.asarray(np.nan_to_num(b - a, nan=0.0, posinf=np.inf, neginf=-np.inf))
+
+
 def wilson(successes: int, trials: int, confidence: float = CONFIDENCE) -> Interval:
     """Returns a share with Wilson's score interval (1927), which is also valid at 0 of n and n of
     n.

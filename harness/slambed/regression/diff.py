@@ -21,7 +21,7 @@ from slambed.metrics.statistics import Interval
 from slambed.regression.diff_sides import Side, Sides
 from slambed.report.cells import metrics_asked
 from slambed.report.contrast import contrast
-from slambed.report.tables import Table, around, check_format
+from slambed.report.tables import Table, change_with_interval, check_format
 from slambed.suggestion import suggestion
 
 
@@ -128,7 +128,7 @@ def diff_table(found: list[Change], sides: Sides) -> Table:
             c.metric.heading,
             c.metric.show(c.a),
             c.metric.show(c.b),
-            f"{c.metric.show(c.change.value)} {around(c.metric, c.change)}",
+            change_with_interval(c.metric, c.change),
             f"{c.change.count}{' pairs' if c.paired else ''}",
             f"{c.p_value:.2g}",
             c.verdict,

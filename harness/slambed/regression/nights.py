@@ -13,16 +13,11 @@ from scipy import stats
 
 from slambed.metrics.comparison import fisher, mcnemar, signed_rank
 from slambed.metrics.metric import Metric
-from slambed.metrics.robust_accuracy import failure_ranked
 from slambed.metrics.statistics import finite
-from slambed.report.cells import number
-from slambed.report.contrast import paired_by_seed
+from slambed.report.contrast import paired_by_seed, values_to_rank
 from slambed.spec.device import VIRTUAL
 
 Floats = NDArray[np.float64]
-
-RANKED_WITH_FAILURES = "ate_rmse_m"
-"""Metric in which a failed run ranks as infinitely bad instead of missing."""
 
 
 @dataclass(frozen=True)
@@ -103,7 +98,7 @@ def values_of_nights(
         pairs = paired_by_seed(before, after)
     if pairs is None:
         return _values(before, item), _values(after, item), False
-    a, b = (_aligned(side, item) for side in pairs)
+    a, b = (values_to_rank(side, item) for side in pairs)
     both = ~(np.isnan(a) | np.isnan(b))
     if not both.any():
         return a[~np.isnan(a)], b[~np.isnan(b)], False
@@ -113,16 +108,7 @@ def values_of_nights(
 def _values(rows: pd.DataFrame, item: Metric) -> Floats:
     if item.key not in rows or not len(finite(rows[item.key].to_numpy())):
         return np.zeros(0)
-    return finite(_aligned(rows, item))
-
-
-def _aligned(rows: pd.DataFrame, item: Metric) -> Floats:
-    """Returns one value per row, NaN where nothing was measured."""
-    if item.key == RANKED_WITH_FAILURES and "coverage" in rows:
-        pairs = zip(rows[item.key], rows["coverage"], strict=True)
-        return np.array([failure_ranked(number(ate), number(cover)) for ate, cover in pairs])
-    column = pd.to_numeric(rows[item.key].astype(object), errors="coerce")
-    return column.to_numpy(np.float64, na_value=np.nan)
+    return finite(values_to_rank(rows, item))
 
 
 def worsening_p(baseline: Floats, tonight: Floats, better: str) -> Floats:
@@ -150,9 +136,7 @@ def paired_p(baseline: Floats, tonight: Floats, better: str) -> Floats:
     """
     alternative: Literal["less", "greater"] = "less" if better == "higher" else "greater"
     if not (np.isfinite(baseline).all() and np.isfinite(tonight).all()):
-        with np.errstate(invalid="ignore"):
-            change = np.nan_to_num(tonight - baseline, nan=0.0)  # failed on both nights
-        return np.asarray(signed_rank(np.zeros(len(change)), change, alternative))
+        return np.asarray(signed_rank(baseline, tonight, alternative))
     change = tonight - baseline
     if not np.any(change):
         return np.ones(change.shape[:-1])

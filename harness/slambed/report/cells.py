@@ -39,6 +39,7 @@ class Cell:
 
 def metrics_to_show(results: Results) -> list[Metric]:
     """Returns the experiment's metrics first, then the usual ones; only those measured in some run.
+    The share of failed runs, where there are any, follows the ATE, which flatters them.
 
     Text values are left out; notes of the cells have them.
     """
@@ -46,6 +47,8 @@ def metrics_to_show(results: Results) -> list[Metric]:
     runs, numbers = results.valid_runs, results.numbers()
     if not runs["not_completed"].eq(True).any():
         keys.pop("not_completed", None)
+    if "ate_rmse_m" in keys and runs["failed"].eq(True).any():
+        keys = dict.fromkeys(f for k in keys for f in ([k, "failed"] if k == "ate_rmse_m" else [k]))
     return [results.metric(k) for k in keys if k in numbers and len(finite(runs[k].to_numpy()))]
 
 
@@ -166,7 +169,7 @@ def _coverage_note(rows: pd.DataFrame) -> list[str]:
     over_all = (
         "the median run failed"
         if found.median_m is None
-        else (f"median over all runs {ate.show(found.median_m)} {ate.shown_unit}")
+        else f"median over all runs {ate.show(found.median_m)} {ate.shown_unit}"
     )
     return [
         f"{found.runs - found.survivors} of {found.runs} runs {below}; ATE of the others "

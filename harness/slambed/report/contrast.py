@@ -11,10 +11,15 @@ from numpy.typing import NDArray
 from slambed.metrics.changes import paired_share_change, paired_shift, share_change, shift
 from slambed.metrics.comparison import fisher, mann_whitney, mcnemar, signed_rank
 from slambed.metrics.metric import Metric
+from slambed.metrics.robust_accuracy import failure_ranked
 from slambed.metrics.statistics import Interval, finite
 from slambed.spec.device import VIRTUAL
 
 Floats = NDArray[np.float64]
+
+RANKED_WITH_FAILURES = "ate_rmse_m"
+"""Of a run that lost the camera early it is the error of the few poses before, so it would rank
+such runs first."""
 
 
 @dataclass(frozen=True)
@@ -23,7 +28,7 @@ class MetricContrast:
 
     a: float
     b: float
-    """Medians, or shares."""
+    """Medians, or shares; infinite where the median run failed."""
     change: Interval
     """B - A."""
     effect: str
@@ -42,13 +47,15 @@ def contrast(item: Metric, a: pd.DataFrame, b: pd.DataFrame) -> MetricContrast |
     sides."""
     if item.key not in a or item.key not in b:
         return None
+    if not any(len(finite(side[item.key].to_numpy())) for side in (a, b)):
+        return None
     pairs = paired_by_seed(a, b)
+    x, y = (values_to_rank(side, item) for side in pairs or (a, b))
     if pairs is not None:
-        x, y = (_floats(side[item.key]) for side in pairs)
         measured = ~(np.isnan(x) | np.isnan(y))
         x, y = x[measured], y[measured]
     else:
-        x, y = finite(a[item.key].to_numpy()), finite(b[item.key].to_numpy())
+        x, y = finite(x), finite(y)
     if min(len(x), len(y)) < 2:
         return None
     if item.kind == "share":
@@ -94,5 +101,15 @@ def paired_by_seed(a: pd.DataFrame, b: pd.DataFrame) -> tuple[pd.DataFrame, pd.D
     return a.set_index("seed").loc[shared], b.set_index("seed").loc[shared]
 
 
+def values_to_rank(rows: pd.DataFrame, item: Metric) -> Floats:
+    """Returns one value per run, NaN where nothing was measured. The ATE of a failed run is
+    infinite."""
+    if item.key == RANKED_WITH_FAILURES and "coverage" in rows and rows["coverage"].notna().any():
+        pairs = zip(_floats(rows[item.key]), _floats(rows["coverage"]), strict=True)
+        return np.array([failure_ranked(ate, coverage) for ate, coverage in pairs])
+    return _floats(rows[item.key])
+
+
 def _floats(column: pd.Series) -> Floats:
-    return pd.to_numeric(column.astype(object), errors="coerce").to_numpy(np.float64)
+    numbers = pd.to_numeric(column.astype(object), errors="coerce")
+    return numbers.to_numpy(np.float64, na_value=np.nan)

@@ -9,10 +9,11 @@ import pandas as pd
 from slambed.metrics.catalog import keys_for
 from slambed.metrics.comparison import USUAL_ALPHA, holm, least_p, runs_to_show
 from slambed.metrics.metric import Metric, Use
+from slambed.metrics.robust_accuracy import LEAST_COVERAGE
 from slambed.report.cells import metrics_asked, text
 from slambed.report.contrast import MetricContrast, contrast
 from slambed.report.load import Results
-from slambed.report.tables import Table, around
+from slambed.report.tables import Table, change_with_interval
 
 SYSTEMS, LINKS = "label", "profile"
 """Columns of the runs that are compared."""
@@ -40,10 +41,10 @@ class Difference:
         """Returns the result in words, which never claim equality."""
         if self.p_value > USUAL_ALPHA:
             return "no difference shown" if self.possible else "too few runs to show any"
-        rises = self.found.b > self.found.a
-        if self.metric.better == "neither" or self.found.b == self.found.a:
+        change = self.found.change.value
+        if self.metric.better == "neither" or change == 0:
             return "different"
-        return "better" if rises == (self.metric.better == "higher") else "worse"
+        return "better" if (change > 0) == (self.metric.better == "higher") else "worse"
 
 
 def differences(
@@ -117,7 +118,7 @@ def difference_table(found: list[Difference], between: str = SYSTEMS) -> Table:
             d.other,
             d.metric.show(d.found.a),
             d.metric.show(d.found.b),
-            f"{d.metric.show(d.found.change.value)} {around(d.metric, d.found.change)}",
+            change_with_interval(d.metric, d.found.change),
             d.found.effect,
             f"{d.found.runs}{' pairs' if d.found.paired else ''}",
             f"{d.p_value:.2g}",
@@ -138,7 +139,9 @@ def difference_table(found: list[Difference], between: str = SYSTEMS) -> Table:
         f"Differences between {what}. Virtual runs are paired by their seed "
         "(Wilcoxon's signed-rank test, shares McNemar's exact test), live runs are not "
         "(Mann-Whitney's test with Cliff's delta, shares Fisher's exact test). Changes are median "
-        "differences of two runs, in parentheses the range where runs are too few for an interval"
+        "differences of two runs, in parentheses the range where runs are too few for an interval. "
+        f"The ATE RMSE of a run that tracked less than {LEAST_COVERAGE:.0%} of its frames ranks "
+        "last, as failed"
     )
     return Table(name, caption + _power(found), headings, rows, words=5)
 

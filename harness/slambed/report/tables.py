@@ -4,6 +4,7 @@
 import csv
 import io
 from dataclasses import dataclass, field
+from math import isfinite
 from pathlib import Path
 
 from rich.console import RenderableType
@@ -108,6 +109,17 @@ def around(metric: Metric, value: Interval) -> str:
     """Returns `[low, high]` for an interval, `(least to largest)` for a range."""
     low, high = metric.show(value.low), metric.show(value.high)
     return f"({low} to {high})" if value.is_range else f"[{low}, {high}]"
+
+
+def change_with_interval(metric: Metric, change: Interval) -> str:
+    """Returns a change and its interval; infinite where a run of one side alone failed."""
+
+    def show(value: float) -> str:
+        return metric.show(value) if isfinite(value) else f"{value:g}"
+
+    low, high = show(change.low), show(change.high)
+    limits = f"({low} to {high})" if change.is_range else f"[{low}, {high}]"
+    return f"{show(change.value)} {limits}"
 
 
 def cell_tables(cells: list[Cell], metrics: list[Metric], per_table: int = 5) -> list[Table]:

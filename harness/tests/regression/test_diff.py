@@ -13,10 +13,12 @@ import pandas as pd
 import pytest
 from command_line import slambed
 from matplotlib.figure import Figure
+from numpy.typing import NDArray
 from results_factory import RawRun, spec_of, write_experiment
 from rich.console import Console
 
 from slambed.errors import SlambedError
+from slambed.metrics.changes import paired_shift
 from slambed.regression import diff_page
 from slambed.regression.diff import Change, diff_json, diff_table
 from slambed.regression.diff import diff as diff_of
@@ -24,6 +26,8 @@ from slambed.regression.diff_page import relative, write_diff_page
 from slambed.regression.diff_sides import Sides
 from slambed.report.load import Results, load
 from slambed.spec.device import VIRTUAL
+
+Floats = NDArray[np.float64]
 
 PAIRS = 100
 NAMES = ["track_ms_median", "ate_rmse_m", "coverage", "lost"]
@@ -196,7 +200,13 @@ def test_the_page_says_what_the_table_does(tmp_path: Path) -> None:
         if change.metric.key == "track_ms_median":
             ends = relative(change)
             assert ends is not None and ends[1] < ends[0] < ends[2]
-            assert ends[0] == pytest.approx(5.0, abs=3.0)
+            x, y = (times_by_seed(side, change.cell.split("/")[-1]) for side in (a, b))
+            assert ends[0] == pytest.approx(100 * paired_shift(x, y).value / np.median(x))
+
+
+def times_by_seed(side: Results, link: str) -> Floats:
+    runs = side.runs[side.runs["profile"] == link].sort_values("seed")
+    return runs["track_ms_median"].to_numpy(np.float64)
 
 
 def test_the_figure_names_its_sides_and_keeps_inside(monkeypatch: pytest.MonkeyPatch) -> None:

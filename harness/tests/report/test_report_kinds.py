@@ -100,6 +100,15 @@ def test_failures_stand_beside_the_survivors_accuracy(tmp_path: Path) -> None:
     note = next(note for note in cell.notes if "tracked less than" in note)
     assert note.startswith("3 of 5 runs")
     assert "the median run failed" in note
+    shown = [item.key for item in metrics_to_show(results)]
+    assert shown[shown.index("ate_rmse_m") + 1] == "failed"
+    assert cell.values["failed"].value == 0.6
+
+
+def test_without_failures_no_column_is_about_them(tmp_path: Path) -> None:
+    runs = [(spec_of("orbslam2", "default", None, i), RawRun(4, edge=False)) for i in range(2)]
+    results = load(write_experiment(tmp_path, runs))
+    assert "failed" not in {item.key for item in metrics_to_show(results)}
 
 
 def test_a_metric_that_no_run_has_is_named_with_the_reason(tmp_path: Path) -> None:

@@ -215,6 +215,33 @@ def test_enough_pairs_show_a_difference(tmp_path: Path) -> None:
     assert "could show" not in difference_table([found]).caption
 
 
+def test_an_early_loss_is_no_better_accuracy(tmp_path: Path) -> None:
+    runs = [
+        (
+            spec_of(system, variant, "ramp_85", repetition, engine="virtual"),
+            RawRun(
+                duration_s=4.0,
+                edge=edge,
+                seed=repetition,
+                noise_m=0.01 if edge else 0.05,
+                lost_at_s=((1.5, 4.0),) if edge else (),
+            ),
+        )
+        for repetition in range(7)
+        for system, variant, edge in (("orbslam2", "default", False), ("edgeslam", "static", True))
+    ]
+    experiment = write_experiment(tmp_path, runs)
+    content = {"experiment": {"report": {"metrics": ["ate_rmse_m"]}}}
+    (experiment / "experiment.json").write_text(json.dumps(content))
+    results = load(experiment)
+    shown = results.runs.groupby("system")["ate_rmse_m"].median()
+    assert shown["edgeslam"] < shown["orbslam2"]
+    (found,) = differences(results, baseline="orbslam2")
+    assert found.verdict == "worse" and found.found.b == float("inf")
+    row = difference_table([found]).rows[0]
+    assert row[6] == "failed" and row[7] == "inf [inf, inf]"
+
+
 def test_boxes_are_not_squeezed_to_an_edge() -> None:
     with figure() as (_, (axis,)):
         assert not from_zero_if_it_shows(axis, [61.0, 65.0])
