@@ -282,9 +282,11 @@ def first_runs(
     engine: str,
     kept: Mapping[str, Sequence] = MappingProxyType({}),
 ) -> list[RunSpec]:
-    """Returns the first run of every cell, without knowledge of the host, and with only the
-    datasets that are already prepared."""
-    # An unprepared dataset is identified by its name instead of its content.
+    """Returns the first run of every cell, without knowledge of the host.
+
+    `kept`: the datasets that are already prepared; the others are named by the sequence they will
+    become, without its content.
+    """
     nowhere = {
         name: (kept[name].id if name in kept else _id_of(name), name)
         for name in experiment.datasets

@@ -4,7 +4,7 @@
 from collections.abc import Iterable
 
 from slambed.files.yaml_source import Location, YamlSource
-from slambed.metrics.catalog import METRICS, own_of
+from slambed.metrics.catalog import numbers_of, own_of
 from slambed.papers.published import read_papers
 from slambed.spec.experiment import Experiment
 from slambed.suggestion import suggestion
@@ -20,7 +20,7 @@ def check_figure_names(experiment: Experiment, source: YamlSource) -> None:
     """Raises SlambedError for an unknown metric, plot or published number."""
     report = experiment.report
     own = own_of(choice.system for choice in experiment.systems).values()
-    numbers = [item.key for item in (*METRICS, *own) if item.is_number]
+    numbers = numbers_of(own)
     # `faults` is text rather than a number, but tables show it, so a report may name it.
     _known("metric", report.metrics, [*numbers, "faults"], source, ("report", "metrics"))
     _known("plot", report.plots, [*FIGURES, *numbers], source, ("report", "plots"))

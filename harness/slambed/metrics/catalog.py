@@ -472,6 +472,11 @@ def metrics_of(system: object) -> tuple[Metric, ...]:
     return METRICS + own_metrics(str(system), frozenset(SUMMARY_KEYS))
 
 
+def numbers_of(own: Iterable[Metric]) -> list[str]:
+    """Returns the keys of all metrics that are numbers; `own` are those of systems."""
+    return [item.key for item in (*METRICS, *own) if item.is_number]
+
+
 def own_of(systems: Iterable[object]) -> dict[str, Metric]:
     """Returns the own metrics of all these systems by key.
 

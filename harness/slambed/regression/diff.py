@@ -14,7 +14,7 @@ import pandas as pd
 
 from slambed.errors import SlambedError
 from slambed.files.outputs import writing
-from slambed.metrics.catalog import METRICS, keys_for
+from slambed.metrics.catalog import keys_for, numbers_of
 from slambed.metrics.comparison import USUAL_ALPHA, holm, least_p
 from slambed.metrics.metric import Metric, Use
 from slambed.metrics.statistics import Interval
@@ -95,10 +95,8 @@ def diff(sides: Sides, metrics: list[str] | None = None) -> list[Change]:
 
 def _must_be_known(key: str, sides: Sides) -> None:
     """Raises SlambedError for a metric that neither side can have."""
-    results = (sides.a.results, sides.b.results)
-    known = {item.key for item in METRICS if item.is_number}
-    for side in results:
-        known |= {name for name, item in side.own_metrics.items() if item.is_number}
+    owns = (side.results.own_metrics.values() for side in (sides.a, sides.b))
+    known = numbers_of(item for own in owns for item in own)
     if key not in known:
         raise SlambedError(f"unknown metric '{key}'; {suggestion(key, known)}")
 

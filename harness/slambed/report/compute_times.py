@@ -7,7 +7,8 @@ ratio tells how far apart they are. Live runs at the device's pace take the mode
 time.
 """
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from math import fsum
 
 import numpy as np
@@ -28,6 +29,8 @@ CLOSE = 1.25
 FAR = 2.0
 """Live times off by more than this factor cause a warning, because other frames are dropped and
 other tracks lost than on the device."""
+MOST_NAMED = 3
+"""Systems whose times are printed one by one."""
 
 
 @dataclass(frozen=True)
@@ -43,8 +46,8 @@ class ComputeTime:
     """On a real board, not on this host."""
     model_ms: float | None
     """What the device's cost model charges for the same work; None without one."""
-    known: tuple[str, ...] = ()
-    """Systems on it whose stages these are."""
+    known: Mapping[str, float] = field(default_factory=dict[str, float])
+    """Times of the systems on it that report stages; `ran_ms` is their median."""
     unknown: tuple[str, ...] = ()
     """Systems on it that report no stages, such as a user's own."""
 
@@ -87,8 +90,7 @@ class ComputeTime:
 
     def line(self) -> str:
         """Returns the compute times in a sentence."""
-        whose = self.known[0] if len(self.known) == 1 else f"{len(self.known)} systems (median)"
-        per_frame = f"extraction and tracking of {whose} take {self.ran_ms:.1f} ms per frame"
+        per_frame = f"extraction and tracking take {self._times()} per frame"
         if self.virtual:
             return f"Compute times of {self.device} are those of its cost model: {per_frame}."
         if self.paced:
@@ -111,6 +113,15 @@ class ComputeTime:
             "Live and virtual runs of this device are runs of two machines."
         )
 
+    def _times(self) -> str:
+        """Returns `3.1 ms (orbslam2) and 4.7 ms (edgeslam: static)`, of many systems the range."""
+        if 0 < len(self.known) <= MOST_NAMED:
+            return " and ".join(f"{ms:.1f} ms ({label})" for label, ms in self.known.items())
+        if not self.known:
+            return f"{self.ran_ms:.1f} ms"
+        low, high = min(self.known.values()), max(self.known.values())
+        return f"{low:.1f} to {high:.1f} ms ({len(self.known)} systems, median {self.ran_ms:.1f})"
+
 
 def compute_times(results: Results) -> list[ComputeTime]:
     """Returns one entry per mobile device, kind of engine and pace, from one run of each system on
@@ -125,9 +136,8 @@ def compute_times(results: Results) -> list[ComputeTime]:
     ]
     for (device, virtual, paced, board), rows in runs.groupby(kinds, sort=False):
         model = _model(str(device))
-        ran: list[float] = []
+        ran: dict[str, float] = {}
         charged: list[float] = []
-        known: list[str] = []
         unknown: list[str] = []
         for label, own in rows.groupby("label", sort=False):
             kept = next(iter(with_events(results, own, KINDS)["run_key"]), "")
@@ -139,15 +149,13 @@ def compute_times(results: Results) -> list[ComputeTime]:
             if not stages:
                 unknown.append(str(label))
                 continue
-            known.append(str(label))
-            ran.append(fsum(float(e.get("wall_ms") or 0.0) for e in stages) / frames)
+            ran[str(label)] = fsum(float(e.get("wall_ms") or 0.0) for e in stages) / frames
             if model is not None:
                 charged.append(fsum(_charged_ms(model, e) for e in stages) / frames)
-        if ran and np.median(ran) > 0:
+        if ran and (ran_ms := float(np.median([*ran.values()]))) > 0:
             model_ms = (float(np.median(charged)) or None) if charged else None
-            ran_ms = float(np.median(ran))
             kind = (bool(virtual), bool(paced), ran_ms, bool(board))
-            found.append(ComputeTime(str(device), *kind, model_ms, tuple(known), tuple(unknown)))
+            found.append(ComputeTime(str(device), *kind, model_ms, ran, tuple(unknown)))
     return found
 
 

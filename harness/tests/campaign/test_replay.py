@@ -2,6 +2,8 @@
 """Kept runs that are played again, and what is said where they differ."""
 
 import json
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 import pytest
@@ -39,6 +41,16 @@ def of(folder: Path) -> tuple[str, str]:
 
 def replay(folder: Path, *more: str) -> tuple[int, str]:
     return call("results", "replay", str(folder / "walk.yaml"), *of(folder), *more)
+
+
+@contextmanager
+def put_back(file: Path) -> Iterator[None]:
+    """Undoes what a test writes to a file that others read."""
+    kept = file.read_bytes()
+    try:
+        yield
+    finally:
+        file.write_bytes(kept)
 
 
 @needs_programs
@@ -93,10 +105,9 @@ def test_what_differs_is_named(played: Path) -> None:
 def test_last_digits_and_the_experiment_that_played_first_are_no_difference(played: Path) -> None:
     store = ResultFolder(played / "results" / "walk").store
     path = store.runs / store.keys()[0] / "summary.json"
-    kept = path.read_text()
-    summary = json.loads(kept)
+    summary = json.loads(path.read_text())
     near = {"experiment": "stroll", "ate_rmse_m": summary["ate_rmse_m"] * (1 + 1e-13)}
-    try:
+    with put_back(path):
         path.write_text(json.dumps(summary | near))
         code, out = replay(played)
         assert code == ExitCode.OK, out
@@ -104,24 +115,19 @@ def test_last_digits_and_the_experiment_that_played_first_are_no_difference(play
         assert out.rstrip().endswith("accuracies of 1 have other last digits")
         path.write_text(json.dumps(summary | {"ate_rmse_m": summary["ate_rmse_m"] * (1 + 1e-6)}))
         assert replay(played)[0] == ExitCode.NOT_ALL_GOOD
-    finally:
-        path.write_text(kept)
 
 
 @needs_programs
 def test_runs_that_cannot_be_played_here_are_not_compared(played: Path) -> None:
     plan_file = played / "results" / "walk" / "experiment.json"
-    kept = plan_file.read_text()
-    content = json.loads(kept)
-    try:
+    content = json.loads(plan_file.read_text())
+    with put_back(plan_file):
         for run in content["runs"]:
             run["software"] = "0.0.9+elsewhere"
         plan_file.write_text(json.dumps(content))
         code, out = replay(played, "--runs", "1")
         assert code == ExitCode.NOT_ALL_GOOD
         assert "not compared" in out and "made by 0.0.9+elsewhere, here is 0.1.0+" in out
-    finally:
-        plan_file.write_text(kept)
     code, out = replay(played, "--runs", "1", "--set", "playback.fps=5")
     assert code == ExitCode.NOT_ALL_GOOD
     assert "plans no such run here: other settings or inputs" in out
@@ -155,9 +161,8 @@ def test_only_the_datasets_of_the_drawn_runs_are_prepared(
 @needs_programs
 def test_a_plan_that_is_not_whole_is_no_bug_of_ours(played: Path) -> None:
     plan_file = played / "results" / "walk" / "experiment.json"
-    kept = plan_file.read_text()
-    content = json.loads(kept)
-    try:
+    content = json.loads(plan_file.read_text())
+    with put_back(plan_file):
         for run in content["runs"]:
             del run["run_key"]
         plan_file.write_text(json.dumps(content))
@@ -165,8 +170,6 @@ def test_a_plan_that_is_not_whole_is_no_bug_of_ours(played: Path) -> None:
             ExitCode.BAD_INPUT, "results", "replay", str(played / "walk.yaml"), *of(played)
         )
         assert "no valid virtual run of walk" in line
-    finally:
-        plan_file.write_text(kept)
 
 
 def test_nothing_to_play_again_is_one_line(tmp_path: Path) -> None:

@@ -52,7 +52,7 @@ def test_a_device_that_is_two_machines_is_said_to_be(tmp_path: Path) -> None:
     assert live.ran_ms == pytest.approx(5.0, rel=0.1)
     assert live.ratio == pytest.approx(8.1, rel=0.1)
     (line,) = [line for line in setup_of(fast) if "Compute times" in line]
-    assert f"{live.ran_ms:.1f} ms per frame" in line
+    assert f"take {live.ran_ms:.1f} ms (orbslam2) per frame" in line
     assert f"its cost model charges {live.model_ms:.1f} ms" in line and "two machines" in line
     assert "two machines" not in " ".join(setup_of(slow))
     virtual = on_a_pi(tmp_path / "c", 40.0, engine="virtual")
@@ -64,6 +64,14 @@ def test_a_system_that_nothing_can_hold_up_is_not_told_to_be_held_up() -> None:
     assert "--set pace=device" in str(known.warning("mine"))
     beside = str(replace(known, unknown=("my SLAM",)).warning("mine"))
     assert "--set pace" not in beside and "my SLAM: no stages are reported" in beside
+
+
+def test_compute_times_name_their_systems() -> None:
+    alone = ComputeTime("raspberry_pi_4", True, False, 4.0, False, None)
+    two = replace(alone, known={"orbslam2": 3.1, "edgeslam: static": 4.9})
+    assert "take 3.1 ms (orbslam2) and 4.9 ms (edgeslam: static) per frame" in two.line()
+    four = replace(two, known={**two.known, "dynnetslam": 4.2, "cloudslam": 3.8})
+    assert "take 3.1 to 4.9 ms (4 systems, median 4.0) per frame" in four.line()
 
 
 @pytest.mark.parametrize(
