@@ -219,7 +219,7 @@ def _each(
     paper: Paper, pool: Pool, cells: dict[str, PublishedCell], cell: PublishedCell, quantity: Each
 ) -> tuple[Verdict, Measured]:
     """Judges one number for several cells or differences: reproduced if each is, differs if one
-    does. The decisive one is reported."""
+    does. The decisive one is reported and shown, with the runs of all."""
     found: list[tuple[str, Measured, Pair | None]] = []
     for part in quantity.of:
         if isinstance(part, Difference):
@@ -236,23 +236,19 @@ def _each(
             return not_run(one.found.reason), one
         found.append((_name_of(part), one, None))
     sides = [side for _, side, _ in found]
-    all_of_them = replace(
-        sides[0],
-        found=next((side.found for side in sides if side.found.stand_in), sides[0].found),
-        values=np.concatenate([side.values for side in sides]),
-        repetitions=(),
-        keys=tuple(key for side in sides for key in side.keys),
-    )
+    runs_of_all = next((side.found for side in sides if side.found.stand_in), sides[0].found)
+    keys_of_all = tuple(key for side in sides for key in side.keys)
     worst: Verdict | None = None
+    decisive = sides[0]
     for name, side, pair in found:
         if pair is not None:
             verdict = _difference(pair, cell, 100.0 if side.is_share else 1.0)
         else:
             verdict = _same_number(paper, cells, cell, side)
         if worst is None or WORST.index(verdict.outcome) < WORST.index(worst.outcome):
-            worst = replace(verdict, why=f"{name}: {verdict.why}")
+            worst, decisive = replace(verdict, why=f"{name}: {verdict.why}"), side
     assert worst is not None
-    return worst, all_of_them
+    return worst, replace(decisive, found=runs_of_all, keys=keys_of_all)
 
 
 def _name_of(operand: Operand) -> str:

@@ -6,6 +6,7 @@ from typing import Any
 import pytest
 from test_compare import column_of, outcome_of, results_of, runs_of
 
+from slambed.papers.beside import beside
 from slambed.papers.published import Paper, read_papers
 from slambed.report.load import Results
 
@@ -84,6 +85,8 @@ def test_a_reduction_is_shown_as_one(paper: Paper) -> None:
     column = column_of(paper, results(found))
     assert column.rows["ijnc.C21"].ours.startswith("43.58 ")
     assert outcome_of(column, "ijnc.C21") == "reproduced"
+    place = beside(column.rows["ijnc.C21"])
+    assert place is not None and place.words == "what is left 1 x print"
 
 
 def test_an_increase_needs_every_step(paper: Paper) -> None:
@@ -106,7 +109,7 @@ def desk(losing: str = "", leaving_out: str = "") -> Results:
 def test_a_number_said_of_all_is_reproduced_where_each_of_them_has_it(paper: Paper) -> None:
     found = column_of(paper, desk())
     assert outcome_of(found, "ijnc.C28") == "reproduced"
-    assert found.rows["ijnc.C28"].ours == "0 ± 0 (n 80)"
+    assert found.rows["ijnc.C28"].ours == "0 ± 0 (n 20)"
 
 
 @pytest.mark.parametrize("losing", sorted(variant for _, variant in SYSTEMS))

@@ -7,6 +7,7 @@ from typing import Any
 import pytest
 from test_compare import column_of, outcome_of, results_of, runs_of
 
+from slambed.papers.beside import beside
 from slambed.papers.compare import Column
 from slambed.papers.lint.checkout import Checkout
 from slambed.papers.lint.lint import lint_paper
@@ -59,7 +60,11 @@ def test_a_bound_on_a_difference_holds_on_each_link(
     judged = column(paper, found)
     assert outcome_of(judged, "edgesem.C31") == outcome
     if outcome == "differs":
-        assert "Cellular-4G" in judged.rows["edgesem.C31"].verdict.why
+        decisive = judged.rows["edgesem.C31"]
+        assert "Cellular-4G" in decisive.verdict.why
+        # The number beside the print is the one that the verdict is about, not the mean of three.
+        assert decisive.ours.startswith("11 "), decisive.ours
+        assert len(decisive.measured.keys) == 3 * decisive.measured.mean.count
 
 
 def test_a_difference_needs_every_link(paper: Paper) -> None:
@@ -107,6 +112,8 @@ def test_a_gap_is_one_either_way(paper: Paper) -> None:
     judged = column(paper, found)
     assert outcome_of(judged, "edgesem.C40") == "differs"
     assert judged.rows["edgesem.C40"].ours.startswith("40 ")
+    place = beside(judged.rows["edgesem.C40"])
+    assert place is not None and place.words == "1.4 x the other"
 
 
 def test_each_run_of_a_stand_in_counts(paper: Paper) -> None:
