@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """The main claims of a paper for display: badge, both values, pairs, notes."""
 
+from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
@@ -125,6 +126,8 @@ class ClaimGroup:
     """Key of `OUTCOME_WORDS`, for the color."""
     heading: str
     lines: list[ClaimLine]
+    more: int = 0
+    """How many further orderings came out so; they are on the paper's page only."""
 
 
 HEADINGS = {
@@ -144,12 +147,19 @@ def claim_groups(column: Column) -> list[ClaimGroup]:
     or of which ours show more than the paper's own numbers."""
     main = {line.anchor for line in claim_lines(column)}
     by_outcome: dict[str, list[ClaimLine]] = {}
+    further: Counter[str] = Counter()
     for item, line in zip(column.orderings, claim_lines(column, every=True), strict=True):
         outcome = outcome_of(item)
         told = outcome in ("hold", "reversed", "in_part") or item.unshown in ("holds", "reversed")
         if line.anchor in main or told:
             by_outcome.setdefault(outcome, []).append(line)
-    return [ClaimGroup(o, words, by_outcome[o]) for o, words in HEADINGS.items() if o in by_outcome]
+        else:
+            further[outcome] += 1
+    return [
+        ClaimGroup(outcome, words, by_outcome.get(outcome, []), further[outcome])
+        for outcome, words in HEADINGS.items()
+        if outcome in by_outcome or further[outcome]
+    ]
 
 
 def in_short(assumed: Sequence[str]) -> list[str]:

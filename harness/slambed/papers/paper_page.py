@@ -29,12 +29,14 @@ from slambed.papers.paper_view import (
     bars,
     circumstance,
     headline,
+    plays_a_part,
     terminal_lines,
     twin,
     why_not,
 )
 from slambed.papers.peer import peer_tables
 from slambed.papers.published import Paper
+from slambed.papers.published.paper_plan import read_plan
 from slambed.papers.reasons import count_table
 from slambed.papers.strip import COLORS, histogram_svg, strip_svg
 from slambed.report.experiment import write_tables
@@ -107,7 +109,11 @@ def write_overview(
                     "engine": c.engine,
                     "made": circumstance(v, c, experiments),
                     "headline": headline(v, c),
-                    "groups": claim_groups(c),
+                    "groups": [
+                        group
+                        for group in claim_groups(c)
+                        if group.outcome != "waiting" or not plays_a_part(v, c)
+                    ],
                     "whole": bar("all numbers", "", c, list(c.rows)),
                     "strip": strip_svg(
                         list(c.rows.values()), f"{v.paper.id}/index.html#v-", METRICS
@@ -155,6 +161,7 @@ def _content(verdicts: PaperVerdicts, experiments: list[Results], target: Path) 
                 "links": [(name, links[name]) for name in made.experiments],
             }
         )
+    plan = read_plan(verdicts.paper.id)
     claims, further = claims_per_engine(verdicts.columns, verdicts.paper)
     return _look() | {
         "paper": verdicts.paper,
@@ -171,6 +178,7 @@ def _content(verdicts: PaperVerdicts, experiments: list[Results], target: Path) 
             }
             for name, label, ids in verdicts.groups()
         ],
+        "limits": [spelled(text, verdicts.paper) for text in plan.limits] if plan else [],
         "margins": [_margin_words(name, m) for name, m in verdicts.paper.margins.items()],
     }
 

@@ -262,10 +262,15 @@ def headline(verdicts: PaperVerdicts, column: Column) -> list[Headline]:
             Headline(f"Nothing is played yet, {waiting} {wait}.", []),
             _numbers(verdicts, column),
         ]
-    others = [other for other in verdicts.columns if other.engine != column.engine]
-    if _begun(column) < max(map(_begun, others), default=0):
+    if plays_a_part(verdicts, column):
         return _of_a_part(verdicts, column)
     return [*_orderings(column), _numbers(verdicts, column)]
+
+
+def plays_a_part(verdicts: PaperVerdicts, column: Column) -> bool:
+    """Returns whether another kind of engine played more orderings. What this one did not play
+    needs no words then."""
+    return _begun(column) < max(map(_begun, verdicts.columns))
 
 
 def _begun(column: Column) -> int:
@@ -316,6 +321,9 @@ def _place(items: list[JudgedOrdering]) -> str:
     used = sorted({name for item in items for name in item.stand_ins})
     recorded = [name for name in used if not is_generated(name)]
     if not used:
+        played = {m.found.dataset for i in items for chain in i.chains for _, m in chain if m.there}
+        if played and all(map(is_generated, played)):
+            return "Where the paper names no sequence,"
         return "On the paper's own sequences"
     if not recorded:
         return "On generated sequences"

@@ -272,6 +272,8 @@ def test_what_the_paper_does_not_show_does_not_hide_what_ours_show(
         assert page.verdicts is not None
         column = page.verdicts.columns[0]
         groups = {g.outcome: [line.pairs for line in g.lines] for g in claim_groups(column)}
+        listed = sum(len(g.lines) + g.more for g in claim_groups(column))
+        assert listed == len(column.orderings), "every ordering is listed or counted"
         assert column.orderings[1].kind == "not_shown_by_paper"
         html = page.html.read_text()
         more = html[html.index("<summary>1 more ordering of the paper</summary>") :]

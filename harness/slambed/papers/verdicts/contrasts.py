@@ -221,7 +221,9 @@ def _spread_of(steps: Sequence[Step]) -> str:
     return _spread_words([_measured_spread(step) for step in means]) if means else ""
 
 
-NO_SIZE = "the paper prints no numbers from which to compute how many runs would show it"
+NO_SIZE = (
+    "the paper prints no numbers with a spread, from which to compute how many runs would show it"
+)
 
 
 def _not_shown(
