@@ -138,10 +138,29 @@ class Sides:
 
     @property
     def lines(self) -> list[str]:
-        """Returns `A: ...`, `B: ...` and `Both: ...`."""
+        """Returns `A: ...`, `B: ...` and `Both: ...`, and how many runs are on both sides."""
         a, b = self._apart()
         reported = {"A": a, "B": b, "Both": self._in_words(self.a, self.shared)}
-        return [f"{who}: {words}" for who, words in reported.items() if words]
+        lines = [f"{who}: {words}" for who, words in reported.items() if words]
+        if self.same:
+            of = len(self.a.results.runs)
+            lines.append(f"{self.same} of {of} runs of A are the same in B, in every value")
+        return lines
+
+    @cached_property
+    def same(self) -> int:
+        """Returns how many runs are on both sides, as in a copy: equal in their keys and in every
+        value."""
+        a, b = self.a.results.runs, self.b.results.runs
+        columns = [name for name in a if name in b]
+        if "run_key" not in columns:
+            return 0
+        shared = set(a["run_key"]) & set(b["run_key"])
+        ours, theirs = (
+            set(runs.loc[runs["run_key"].isin(shared), columns].astype(str).itertuples(False, None))
+            for runs in (a, b)
+        )
+        return len(ours & theirs)
 
     def _apart(self) -> tuple[str, str]:
         a, b = (

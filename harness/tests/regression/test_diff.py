@@ -160,6 +160,7 @@ def test_the_command_compares_two_folders(tmp_path: Path, monkeypatch: pytest.Mo
     assert change["runs"] == 8 and change["paired"] and change["p_value"] < 0.05
     code, out, _ = slambed("diff", folders[0], folders[0], *metric)
     assert code == 0 and "0 of 1 comparisons" in out
+    assert "8 of 8 runs of A are the same in B, in every value" in out
     page = tmp_path / "diff.html"
     assert slambed("diff", *folders, *metric, "--html", str(page))[0] == 1
     assert_self_contained(text := page.read_text())
