@@ -166,6 +166,10 @@ def facts(profile: Profile, end_s: float) -> list[str]:
     for name, side in (("up", profile.up), ("down", profile.down)):
         rate = recorded_rate(side, profile.rate_traces)
         lines += [f"{name}: {text}" for text in [*impairments(side), rate] if text]
+    losses = [side.loss.mean() for side in (profile.up, profile.down) if side.loss is not None]
+    if len(losses) == 2:
+        either = 1 - (1 - losses[0]) * (1 - losses[1])
+        lines.append(f"loss of round trips: {either:.3%}, as each direction loses packets")
     return lines + outages(profile)
 
 

@@ -44,6 +44,8 @@ _UNITS_OF_NAMES = {
 """Unit -> last word of the name of a column in it: `rtt_us`, `rtt (µs)`, `rttSec`."""
 _SHORTEST_STEP_S = 1e-5
 """Nobody measures RTTs more often."""
+MOST_OUTAGES = 4
+"""Gaps of a trace that an error writes as outages."""
 _SEPARATOR_LINE = re.compile(r"sep=(.)", re.I)
 _WORD = re.compile(r'"[^"]*"|\S+')
 
@@ -217,9 +219,25 @@ def _check(path: Path, times: np.ndarray, values: np.ndarray, description: Trace
             )
         raise SlambedError(
             f"gap of {steps[bad[0]]:.1f} s in the trace at {start:.1f} s, longer than "
-            f"{longest_s:g} s, {path}; choose another window (start_s, length_s), raise max_gap_s "
-            f"and add a true outage under gaps, or correct {unit}"
+            f"{longest_s:g} s, {path}; was it an outage? Write {_as_outages(times, steps, bad)} "
+            f"Else choose another window (start_s, length_s), or correct {unit}"
         )
+
+
+def _as_outages(times: np.ndarray, steps: np.ndarray, gaps: np.ndarray) -> str:
+    """Returns the keys with which gaps between samples are outages. The link went down somewhere
+    in the interval after the last sample and came back in the one before the next: halves."""
+    usual = float(np.median(steps))
+    outages = [
+        f"{{start_s: {times[i] + usual / 2:.3g}, length_s: {steps[i] - usual:.3g}}}"
+        for i in gaps[:MOST_OUTAGES]
+    ]
+    more = f" and {len(gaps) - MOST_OUTAGES} more" if len(gaps) > MOST_OUTAGES else ""
+    allowed = np.ceil(10 * steps[gaps].max()) / 10
+    return (
+        f"'max_gap_s: {allowed:g}' under trace and 'gaps: [{', '.join(outages)}]'{more} beside "
+        "rtt_ms."
+    )
 
 
 def _longest_gap_s(steps: np.ndarray, description: TraceFile) -> float:

@@ -386,6 +386,9 @@ def test_one_lost_reply_is_no_gap_and_two_are(tmp_path: Path) -> None:
     ) as error:
         ping_trace(tmp_path, lines)
     assert str(error.value).endswith("or correct ping_interval_s")
+    # Half an interval after the last reply, until half an interval before the next one.
+    assert "'gaps: [{start_s: 2.5, length_s: 3}]' beside rtt_ms" in str(error.value)
+    assert "'max_gap_s: 4' under trace" in str(error.value)
 
 
 def test_duplicates_and_replies_out_of_order(tmp_path: Path) -> None:
