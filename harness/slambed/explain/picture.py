@@ -239,7 +239,7 @@ def _strip(axes: Axes, lane: int, times: pd.Series, states: pd.Series, end_s: fl
 
 
 def _rtt(run: RunLog, axes: Axes, window: Window) -> None:
-    """Draws the RTT as requested, as probed, and as measured by the sockets."""
+    """Draws the RTT as requested, as probed, and as measured by the sockets; and outages."""
     tops: list[float] = []
 
     def show(curve: pd.DataFrame, key: str, **look: Any) -> None:
@@ -259,6 +259,9 @@ def _rtt(run: RunLog, axes: Axes, window: Window) -> None:
     for source, own in samples.groupby("source"):
         color = SOURCE_COLORS.get(str(source), OTHER_COLOR)
         show(own, "rtt_ms", label=str(source), color=color, linewidth=0.9)
+    for number, (begin_s, end_s) in enumerate(run.outages_s):
+        shade = axes.axvspan(begin_s, end_s, color=fault_color("cut"), alpha=FAULT_SHADE, lw=0)
+        shade.set_label("" if number else "outage")
     axes.set_ylim(0, max([1.0, *(1.1 * top for top in tops)]))
     axes.set_ylabel("RTT [ms]")
     _legend(axes)

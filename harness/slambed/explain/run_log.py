@@ -8,6 +8,7 @@ import pandas as pd
 import pyarrow.parquet as pq
 
 from slambed.errors import SlambedError
+from slambed.link.impairments import outages_within
 from slambed.metrics.collect import events_today, read_link, read_samples
 from slambed.metrics.events import EventLog, read_events
 from slambed.metrics.faults import Span, spans
@@ -45,6 +46,8 @@ class RunLog:
     link: pd.DataFrame | None
     status: RunStatus = RunStatus()
     samples: pd.DataFrame = field(default_factory=pd.DataFrame)
+    outages_s: tuple[tuple[float, float], ...] = ()
+    """Begin and end of the link's outages."""
 
     def of(self, *types: str, node: str | None = None) -> pd.DataFrame:
         """Returns the events of these types, optionally of one node."""
@@ -95,7 +98,14 @@ def read_run(folder: Path) -> RunLog:
     events = pd.DataFrame(events.assign(t_s=events["t_ns"] / NS_PER_S))
     link, _ = read_link(folder)
     samples, _ = read_samples(folder)
-    return RunLog(folder, _title(folder), events, link, _status(folder), samples)
+    manifest = Manifest.read(folder / "manifest.json")
+    outages = _outages(manifest, float(events["t_s"].max()))
+    return RunLog(folder, _title(folder, manifest), events, link, _status(folder), samples, outages)
+
+
+def _outages(manifest: Manifest | None, end_s: float) -> tuple[tuple[float, float], ...]:
+    link = manifest.spec.link if manifest is not None and manifest.spec is not None else None
+    return tuple(outages_within(link.content, end_s)) if link is not None else ()
 
 
 def _status(folder: Path) -> RunStatus:
@@ -113,8 +123,7 @@ def _status(folder: Path) -> RunStatus:
     )
 
 
-def _title(folder: Path) -> str:
-    manifest = Manifest.read(folder / "manifest.json")
+def _title(folder: Path, manifest: Manifest | None) -> str:
     if manifest is None or manifest.spec is None:
         return folder.name
     parts = [run_name(manifest.cell, manifest.repetition)]

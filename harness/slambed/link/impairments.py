@@ -1,9 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
 """Impairments of a direction besides the delay: jitter, loss, rate and outages."""
 
-from typing import Literal
+from collections.abc import Mapping
+from typing import Any, Literal
 
-from pydantic import BaseModel, ConfigDict, Field, model_validator
+from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
 from slambed.link.curves import LONGEST_MS, SHORTEST_S
 from slambed.link.direction import JitterConfig, LossConfig
@@ -187,6 +188,17 @@ class Gap(BaseModel):
                 break
             start += self.every_s
         return found
+
+
+def outages_within(content: Mapping[str, Any], horizon_s: float) -> list[tuple[float, float]]:
+    """Returns [start, end] in s of the outages that a profile's content asks for before the
+    horizon; none where the content is damaged."""
+    gaps = content.get("gaps")
+    try:
+        asked = [Gap.model_validate(gap) for gap in gaps] if isinstance(gaps, list) else []
+    except ValidationError:
+        return []
+    return [span for gap in asked for span in gap.within(horizon_s)]
 
 
 class Side(BaseModel):

@@ -4,7 +4,7 @@ back."""
 
 from typing import Annotated, Any
 
-from pydantic import JsonValue
+from pydantic import Field, JsonValue
 
 from slambed.files.json_file import Record
 from slambed.older_names import PARAMETERS, in_keys
@@ -30,6 +30,7 @@ class KeptLink(Record):
     """Fields of a link."""
 
     backend: str | None = None
+    content: dict[str, Any] = Field(default_factory=dict)
 
 
 class KeptPlayback(Record):

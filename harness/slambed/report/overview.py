@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 import pandas as pd
 
+from slambed.link.impairments import outages_within
 from slambed.metrics.catalog import metric
 from slambed.metrics.network import series
 from slambed.report.cells import number, text
@@ -143,7 +144,9 @@ def _strip(results: Results, cell: pd.DataFrame) -> Strip | None:
 
 
 def _rtt(lanes: TimeLanes, results: Results, profile: str, strips: list[Strip]) -> None:
-    """Draws the round-trip time of a link: as asked, and as known in the first run that has it."""
+    """Draws the round-trip time of a link: as asked, and as known in the first run that has it; and
+    its outages."""
+    outages = outages_within(results.links.get(profile, {}), lanes.end_s)
     for strip in strips:
         link = results.table(strip.key, "link")
         if link is None:
@@ -151,11 +154,13 @@ def _rtt(lanes: TimeLanes, results: Results, profile: str, strips: list[Strip]) 
         asked = series(link, "asked_rtt_ms")
         source, known = rtt_of(link, strip.events)
         both = pd.concat([part for part in (asked, known) if len(part)] or [asked])
-        if not len(both) or both["value"].max() < LEAST_RTT_MS:
+        if not len(both) or (both["value"].max() < LEAST_RTT_MS and not outages):
             continue
-        most = ROOM * largest(both["value"])
+        most = ROOM * max(largest(both["value"]), LEAST_RTT_MS)
         name = f"RTT asked (line), {source} (dots)" if len(known) else "RTT asked"
+        name += ", outages shaded" if outages else ""
         lanes.name(f"{profile}: {name}", right=f"0 to {shown(most)} ms")
+        lanes.outages(outages, RTT_HEIGHT)
         if len(asked):
             lanes.curve(asked, RTT_HEIGHT, most, f"RTT of {profile}, asked", "ms")
         lanes.dots(known, RTT_HEIGHT, most, f"RTT {source}:")

@@ -79,7 +79,7 @@ class TerminalTable:
         return widths
 
     def _least(self, column: int) -> int:
-        kept = (text.replace(" ±", "_±") for text in self._all(column))
+        kept = (text.replace(" ± ", "_±_") for text in self._all(column))
         words = (word for text in kept for word in text.split())
         longest = max(map(cell_len, words), default=1)
         return min(longest, LEAST_NAME) if column < self.content.words else longest

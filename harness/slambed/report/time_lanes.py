@@ -154,6 +154,12 @@ class TimeLanes:
             color = fault_color(span.fault)
             self._box(span.begin_s, end_s, top, self.y - top, color, says, link, "fault")
 
+    def outages(self, spans: Iterable[tuple[float, float]], height: int) -> None:
+        """Shades the outages of a link in the lane that begins here."""
+        for begin_s, end_s in list(spans)[:MOST_MARKS]:
+            says = f"the link's outage {begin_s:g} to {end_s:g} s"
+            self._box(begin_s, end_s, self.y, height, fault_color("cut"), says, "", "fault")
+
     def _box(
         self, begin_s: float, end_s: float, y: int, height: int, color: str, says: str, link: str,
         kind: str = "",

@@ -11,6 +11,7 @@ import pytest
 
 from slambed.engines.result import profile_rtt
 from slambed.errors import SlambedError
+from slambed.link.impairments import outages_within
 from slambed.link.modeled import modeled_link
 from slambed.link.profile import load_profile, parse_profile, profile_names
 from slambed.spec.run_spec import LinkSpec
@@ -230,3 +231,11 @@ def test_a_bad_file_is_named(tmp_path: Path) -> None:
     path.write_text("rtt_ms: [1\n")
     with pytest.raises(SlambedError, match=r"not YAML.*mine\.yaml"):
         load_profile(path)
+
+
+def test_outages_of_a_kept_profile_are_read_without_its_traces() -> None:
+    gaps = [{"start_s": 2, "length_s": 1, "every_s": 5}, {"start_s": 9.5, "length_s": 2}]
+    content = {"rtt_ms": {"trace": {"file": "not/here.csv"}}, "gaps": gaps}
+    assert outages_within(content, 10.0) == [(2, 3), (7, 8), (9.5, 11.5)]
+    assert outages_within({"rtt_ms": 5}, 10.0) == []
+    assert outages_within({"gaps": [{"start_s": "soon"}]}, 10.0) == []

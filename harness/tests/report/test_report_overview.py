@@ -3,6 +3,7 @@
 
 import re
 import shutil
+from dataclasses import replace
 from html import escape
 from pathlib import Path
 
@@ -72,6 +73,16 @@ def test_the_picture_has_link_states_losses_updates_and_tracking(experiment: Pat
     # The system alone has no link that delays, no loss and no update.
     alone = svg.split(f"#t-{picture.shown[1]}")[0]
     assert "<title>track lost" not in alone and "<title>map update" not in alone
+
+
+def test_the_links_outages_are_shaded(experiment: Path) -> None:
+    results = load(experiment)
+    assert "outage" not in overviews(results)[0].svg
+    gaps = [{"start_s": 2.0, "length_s": 1.5}]
+    cut = replace(results, links={"ramp_85": {"rtt_ms": 20, "gaps": gaps}})
+    svg = overviews(cut)[0].svg
+    assert ">ramp_85: RTT asked (line), measured (dots), outages shaded<" in svg
+    assert "<title>the link&#x27;s outage 2 to 3.5 s" in svg
 
 
 @pytest.mark.parametrize(

@@ -4,10 +4,18 @@ messages."""
 
 import pandas as pd
 
+from slambed.link.impairments import outages_within
 from slambed.metrics.network import series
 from slambed.report.conditions import Condition, typical_run
 from slambed.report.load import Results
-from slambed.report.style import FigureWriter, figure, file_name, legend_beneath
+from slambed.report.style import (
+    FAULT_SHADE,
+    FigureWriter,
+    fault_color,
+    figure,
+    file_name,
+    legend_beneath,
+)
 from slambed.spec.board import NETWORK
 from slambed.spec.device import VIRTUAL
 
@@ -64,6 +72,17 @@ def draw_rtt(results: Results, condition: Condition, writer: FigureWriter) -> No
                 )
         if len(asked):
             axis.plot(asked["t_s"], asked["value"], color=ASKED, linestyle="--", label="asked")
+        end_s = float(link["t_s"].max())
+        outages = outages_within(results.links.get(condition.profile, {}), end_s)
+        for number, (begin_s, stop_s) in enumerate(outages):
+            axis.axvspan(
+                begin_s,
+                min(stop_s, end_s),
+                color=fault_color("cut"),
+                alpha=FAULT_SHADE,
+                linewidth=0,
+                label="outage" if number == 0 else None,
+            )
         axis.set_xlabel("time [s]")
         axis.set_ylabel("round-trip time [ms]")
         # A quantile is used, so that a single late probe does not flatten the plot.
