@@ -48,7 +48,7 @@ def test_rows_of_several_engines_are_in_the_same_order_for_every_link(both: Resu
     ]  # fmt: skip
 
 
-@pytest.mark.parametrize(("width", "tables"), [(200, 1), (160, 1), (120, 2), (80, 2), (60, 3)])
+@pytest.mark.parametrize(("width", "tables"), [(200, 1), (160, 2), (120, 2), (80, 3), (60, 5)])
 def test_every_column_of_a_wide_table_is_whole_in_a_narrow_terminal(
     both: Results, width: int, tables: int
 ) -> None:
