@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -10,6 +11,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from slambed.campaign.progress import duration
 from slambed.data.playlist import keep_every
 from slambed.data.prepared import SEQUENCE_FILE
 from slambed.data.recipe import DatasetPlayback
@@ -22,6 +24,7 @@ if TYPE_CHECKING:
     from slambed.data.recipe import Dataset
 
 NS_PER_S = 1e9
+REPORTED_EVERY_S = 15.0
 _SAME_RATE = 0.02
 """Relative difference between rates that is not worth a remark, as of 29.97 and 30 fps."""
 
@@ -160,7 +163,8 @@ def must_be_made(name: str) -> bool:
 
 def prepare_sequence(name: str, notify: Callable[[str], None] = lambda line: None) -> Sequence:
     """Prepares a dataset and verifies its frames against their checksums, unless that was done
-    recently. `notify` is called before the preparation, which may take minutes."""
+    recently. `notify` is called before the preparation, which may take minutes, and at times during
+    it."""
     from slambed.data.catalog import Catalog
     from slambed.data.prepared import PreparedSequence
     from slambed.data.verified import verify_once
@@ -170,9 +174,31 @@ def prepare_sequence(name: str, notify: Callable[[str], None] = lambda line: Non
     dataset = catalog.resolve(name) if catalog else None
     if dataset and must_be_made(name):
         notify(f"preparing {dataset.id}: once, it is kept")
-    prepared = catalog.prepare(name, notify=notify) if catalog else PreparedSequence.open(name)
+    if catalog and dataset:
+        prepared = catalog.prepare(name, progress=reported(dataset.id, notify), notify=notify)
+    else:
+        prepared = PreparedSequence.open(name)
     verify_once(prepared)
     return _sequence(name, prepared, catalog, dataset)
+
+
+def reported(
+    name: str, notify: Callable[[str], None], clock: Callable[[], float] = time.monotonic
+) -> Callable[[int, int], None]:
+    """Returns a function that is called with the numbers of frames done and of all, and reports
+    them now and then."""
+    began = last = clock()
+
+    def report(done: int, total: int) -> None:
+        nonlocal last
+        now = clock()
+        if now - last < REPORTED_EVERY_S or not 0 < done < total:
+            return
+        last = now
+        left_s = (now - began) * (total - done) / done
+        notify(f"preparing {name}: {done:,} of {total:,} frames, about {duration(left_s)} left")
+
+    return report
 
 
 def kept_sequence(name: str) -> Sequence | None:

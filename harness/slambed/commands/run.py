@@ -75,7 +75,11 @@ def run(
         bool, typer.Option("--keep-going", help="Go on however many runs have to be given up.")
     ] = False,
     dry_run: Annotated[
-        bool, typer.Option("--dry-run", help="Show what would be executed, and how long it takes.")
+        bool,
+        typer.Option(
+            "--dry-run",
+            help="Show what would be executed, and how long it takes. Prepares missing sequences.",
+        ),
     ] = False,
 ) -> None:
     """Execute the missing runs of an experiment, then show and write its report.

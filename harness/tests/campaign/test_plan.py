@@ -16,6 +16,7 @@ from harness_parts import (
     write_library,
 )
 
+from slambed.campaign import datasets
 from slambed.campaign import plan as planning
 from slambed.campaign.datasets import prepare_sequence
 from slambed.campaign.order import interleaved
@@ -180,3 +181,14 @@ def test_a_selection_without_a_run_is_refused_before_a_sequence_is_made(tmp_path
         # Named as in the results: by the sequence that stands in.
         assert f"{option} dataset=attic is no combination; dataset: synthetic_" in line
     assert not list((tmp_path / "cache").glob("prepared/*"))
+
+
+def test_a_long_preparation_reports_now_and_then() -> None:
+    lines: list[str] = []
+    now_s = 0.0
+    report = datasets.reported("walk", lines.append, lambda: now_s)
+    for done in range(1, 1001):
+        now_s = done / 8
+        report(done, 1000)
+    assert lines[0] == "preparing walk: 120 of 1,000 frames, about 1 min 50 s left"
+    assert len(lines) == 8, "every 15 of 125 s"
