@@ -445,7 +445,7 @@ METRICS: tuple[Metric, ...] = (
     Live("rtt_error_ms_p99", "its 99th percentile", lambda run: run.rtt.error_p99,
          "RTT error, 99th percentile", "ms", digits=2),
     Live("throttled_ms", "mobile node, cgroup counter", lambda run: run.mobile.throttled_ms,
-         "throttled", "ms", digits=0, use=SHOWN),
+         "throttled in playback", "ms", digits=0, use=SHOWN),
     Live("throttled_share", "of playback", lambda run: run.mobile.throttled_share,
          "throttled share", shown="%", scale=100),
     Live("host_stall_ms_max", "longest time for which something else on the host held the mobile "

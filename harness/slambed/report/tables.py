@@ -225,7 +225,7 @@ def limits_table(results: Results) -> Table:
             throttled = part["throttled_s"].dropna().tolist()
             row = [*map(str, names), str(len(part)), _range([float(v) for v in throttled])]
             rows.append(row)
-    headings = [*keys, "runs", "throttled [s]"]
+    headings = [*keys, "runs", "throttled, whole run [s]"]
     return Table("limits", "Limits asked and granted", headings, rows, words=len(keys))
 
 

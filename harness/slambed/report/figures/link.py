@@ -34,8 +34,10 @@ def draw_rtt(results: Results, condition: Condition, writer: FigureWriter) -> No
     asked, probe = series(link, "asked_rtt_ms"), series(link, "probe_rtt_ms")
     applied = _both_ways(link)
     messages = _one_way(results, key)
-    if asked.empty and probe.empty:
-        return
+    end_s = float(link["t_s"].max())
+    outages = outages_within(results.links.get(condition.profile, {}), end_s)
+    if probe.empty and not asked["value"].any() and not outages:
+        return  # a virtual link that adds nothing
     with figure(height_in=3.2) as (made, axes):
         axis = axes[0]
         if len(probe):
@@ -72,8 +74,6 @@ def draw_rtt(results: Results, condition: Condition, writer: FigureWriter) -> No
                 )
         if len(asked):
             axis.plot(asked["t_s"], asked["value"], color=ASKED, linestyle="--", label="asked")
-        end_s = float(link["t_s"].max())
-        outages = outages_within(results.links.get(condition.profile, {}), end_s)
         for number, (begin_s, stop_s) in enumerate(outages):
             axis.axvspan(
                 begin_s,
