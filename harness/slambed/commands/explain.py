@@ -52,6 +52,10 @@ def explain(
             "--slowest", min=1, help="Instead: so many frames that took longest, and why."
         ),
     ] = None,
+    messages: Annotated[
+        Path | None,
+        typer.Option("--messages", help="Instead: .csv to write, a row per message of the run."),
+    ] = None,
     path: Annotated[
         bool, typer.Option("--path", help="Draw its path over the true one instead.")
     ] = False,
@@ -75,9 +79,10 @@ def explain(
     virtual runs. --around loss also shows why track was lost, with the images before and after if
     the sequence is prepared on this machine. --slowest lists the slowest frames, and whether they
     had more to compute, were throttled by their limits, stalled by the host, or queued; it draws
-    nothing.
+    nothing. --messages writes when each message was queued, sent and received, and its bytes.
     """
     from slambed.explain.loss_pictures import draw_loss, losses_in
+    from slambed.explain.messages import write_messages
     from slambed.explain.picture import draw
     from slambed.explain.run_log import read_run
     from slambed.explain.slowest import report_lines, slowest
@@ -100,9 +105,15 @@ def explain(
         )
     else:
         folder = find_run(run, results)
+    if count is not None or messages is not None:
+        others = (output, begin, end, around, count if messages is not None else None)
+        if path or rerun or any(given is not None for given in others):
+            option = "--messages" if messages is not None else "--slowest"
+            raise SlambedError(f"{option} draws nothing; give it alone")
+    if messages is not None:
+        typer.echo(write_messages(read_run(folder), messages))
+        return
     if count is not None:
-        if path or rerun or any(given is not None for given in (output, begin, end, around)):
-            raise SlambedError("--slowest draws nothing; give it alone")
         log = read_run(folder)
         for line in report_lines(log, slowest(log, count)):
             typer.echo(line)

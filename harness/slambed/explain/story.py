@@ -6,6 +6,7 @@ from typing import Any
 
 import pandas as pd
 
+from slambed.explain.messages import dropped_lines
 from slambed.explain.run_log import RunLog
 from slambed.explain.updates import rest_lines, staged_update_lines
 from slambed.metrics.validity import NOTABLE_STEAL_PERCENT
@@ -23,7 +24,7 @@ def story(run: RunLog) -> list[str]:
     return [
         _frames(run), *_status(run), *_faults(run), *_busy(run), *_updates(run),
         *staged_update_lines(run, MOST_CHANGES), *_requests(run), *rest_lines(run, MOST_LOSSES),
-        *_stalls(run),
+        *dropped_lines(run), *_stalls(run),
         *_states(run), *_losses(run),
     ]  # fmt: skip
 
