@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """The messages of a run: a table for one's own analysis, and the ones that a full queue dropped."""
 
+from collections import Counter
 from pathlib import Path
 
 import pandas as pd
@@ -61,7 +62,7 @@ def dropped_lines(run: RunLog) -> list[str]:
     if "dropped" not in messages:
         return []
     lines = []
-    of_all = messages.groupby(["channel", "direction"]).size()
+    of_all = Counter(zip(messages["channel"], messages["direction"], strict=True))
     dropped = messages[messages["dropped"].eq(True)]
     for (channel, direction, node), own in dropped.groupby(["channel", "direction", "node"]):
         # The receiver writes every message but those that the sender's queue did not take.
