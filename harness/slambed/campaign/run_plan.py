@@ -148,7 +148,7 @@ def _fill(
         console,
         f"{experiment.title}: {len(ordered)} runs, {len(wanted) - len(todo)} there already, "
         + (f"{len(ordered) - len(wanted)} not asked for, " if len(wanted) < len(ordered) else "")
-        + f"engine {engine}, {_about(run_s * len(todo) / executor.jobs, engine == VIRTUAL)}",
+        + f"engine {engine}, {_links(plan)}{_about(run_s * len(todo) / executor.jobs, engine == VIRTUAL)}",
     )
     overall = options.overall
     if overall is not None:
@@ -165,6 +165,13 @@ def _fill(
     ledger.append("campaign_ended", done=verdict.done, interrupted=verdict.interrupted)
     verdict.folder = folder.path
     return verdict
+
+
+def _links(plan: Plan) -> str:
+    """Returns what shapes the live links, such as `links by netem and relay, `; empty where models
+    do, or without a link."""
+    live = sorted({*plan.circumstances.link_backends.values()} & {"netem", "relay"})
+    return f"links by {' and '.join(live)}, " if live else ""
 
 
 def _todo(specs: list[RunSpec], folder: ResultFolder, options: Options) -> list[RunSpec]:

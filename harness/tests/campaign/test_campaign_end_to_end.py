@@ -172,6 +172,7 @@ def test_live_then_virtual_then_live_executes_nothing_twice(
         code, out, err = slambed(*common, engine)
         assert code in (ExitCode.OK, ExitCode.NOT_ALL_GOOD), err
         assert f"2 runs, {there} there already" in out
+        assert ("links by " in out) == (engine == "local"), out
         now = {run.name: run.stat().st_ino for run in (results / "runs").iterdir()}
         assert now.items() >= inodes.items()
         inodes = now
