@@ -66,7 +66,8 @@ class Results:
 
     def events(self, *types: str) -> pd.DataFrame:
         """Returns the events of all valid runs, of these types or of all without one; `t_ns` is run
-        time. Columns without a value are left out when types are given."""
+        time. Columns without a value are left out when types are given, but for `dropped` of
+        messages."""
         return self._tables("events", types)
 
     def samples(self) -> pd.DataFrame:
@@ -97,6 +98,8 @@ class Results:
                 continue
             if types:
                 table = table[table["type"].isin(types)].dropna(axis=1, how="all")
+                if "message" in types and "dropped" not in table:
+                    table = table.assign(dropped=False)
             for column, value in reversed(list(row.items())):
                 # A column that the table already has under this name is kept.
                 if column not in table:

@@ -27,6 +27,7 @@ from slambed.campaign.runs_beyond_plan import of_other_engines
 from slambed.campaign.store import ATTEMPTS, STORE
 from slambed.errors import MissingDataError, SlambedError
 from slambed.files.yaml_source import YamlSource
+from slambed.link.impairments import outages_within
 from slambed.link.named_profile import adds_nothing, backend_for, read_profile
 from slambed.spec import inputs
 from slambed.spec.board import NETWORK, Board
@@ -183,8 +184,8 @@ def notes(experiment: Experiment, library: Library) -> list[str]:
 
 
 def remarks_on(profiles: list[NamedProfile], longest_s: float = math.inf) -> list[str]:
-    """Returns what was assumed about the recordings of link profiles, and which are longer than
-    the longest run, if its length is known."""
+    """Returns what was assumed about the recordings of link profiles, which are longer than the
+    longest run, and whose outages all begin after it, if its length is known."""
     assumed_of_files = [f"profile {p.name}: {line}" for p in profiles for line in p.remarks]
     too_long = [
         f"profile {p.name}: a run plays the first {longest_s:.0f} s of "
@@ -193,7 +194,14 @@ def remarks_on(profiles: list[NamedProfile], longest_s: float = math.inf) -> lis
         for part in dict.fromkeys(p.recorded)
         if part.length_s > longest_s + END_SLACK_S
     ]
-    return assumed_of_files + too_long
+    too_late = [
+        f"profile {p.name}: its outages begin after the end of a run, at {longest_s:.0f} s"
+        for p in profiles
+        if p.content.get("gaps")
+        and math.isfinite(longest_s)
+        and not outages_within(p.content, longest_s)
+    ]
+    return assumed_of_files + too_long + too_late
 
 
 def at_host_pace(specs: list[RunSpec]) -> list[str]:

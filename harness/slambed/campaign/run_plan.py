@@ -144,11 +144,12 @@ def _fill(
         if (truth := sequence.path / "groundtruth.txt").is_file():
             keep_groundtruth(folder.path, sequence.id, truth)
     run_s = expected_run_s(plan)
+    wait_s = run_s * len(todo) / executor.jobs
     print_to(
         console,
         f"{experiment.title}: {len(ordered)} runs, {len(wanted) - len(todo)} there already, "
         + (f"{len(ordered) - len(wanted)} not asked for, " if len(wanted) < len(ordered) else "")
-        + f"engine {engine}, {_links(plan)}{_about(run_s * len(todo) / executor.jobs, engine == VIRTUAL)}",
+        + f"engine {engine}, {_links(plan)}{_about(wait_s, engine == VIRTUAL)}",
     )
     overall = options.overall
     if overall is not None:

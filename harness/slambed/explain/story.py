@@ -13,6 +13,7 @@ from slambed.metrics.validity import NOTABLE_STEAL_PERCENT
 
 MOST_LOSSES = 5
 MOST_CHANGES = 12
+MOST_OUTAGES = 5
 BEFORE_LOSS_S = 2.0
 NOTABLE_STALL_MS = 20.0
 """Shorter stalls occur on any busy host."""
@@ -22,7 +23,7 @@ WORDS = {"kill": "killed", "freeze": "frozen", "cut": "cut"}
 def story(run: RunLog) -> list[str]:
     """Returns one line per fact."""
     return [
-        _frames(run), *_status(run), *_faults(run), *_busy(run), *_updates(run),
+        _frames(run), *_status(run), *_faults(run), *_outages(run), *_busy(run), *_updates(run),
         *staged_update_lines(run, MOST_CHANGES), *_requests(run), *rest_lines(run, MOST_LOSSES),
         *dropped_lines(run), *_stalls(run),
         *_states(run), *_losses(run),
@@ -73,6 +74,13 @@ def _faults(run: RunLog) -> list[str]:
         until = "the end" if span.end_s is None else f"{span.end_s:.2f} s"
         lines.append(f"{span.target} {WORDS[span.fault]} from {span.begin_s:.2f} s to {until}")
     return lines
+
+
+def _outages(run: RunLog) -> list[str]:
+    return [
+        f"outage of the link from {begin_s:.2f} s to {end_s:.2f} s"
+        for begin_s, end_s in run.outages_s[:MOST_OUTAGES]
+    ]
 
 
 def _count(number: int, what: str, plural: str = "s") -> str:

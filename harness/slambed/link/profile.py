@@ -110,6 +110,10 @@ class Profile:
         return free and self.settled_s == 0.0 and self.rtt_ms(0.0) == 0.0
 
 
+MUCH_LOSS = 0.5
+"""Larger shares are allowed, but hardly meant."""
+
+
 def profiles_folder() -> Path:
     """Returns netem_profiles/ of the checkout."""
     return repository_root() / "netem_profiles"
@@ -185,6 +189,9 @@ def _build(data: Mapping[str, Any], overrides: Mapping[str, Any], reader: Profil
         raise reader.complaint(f"nothing uses parameter '{unused[0]}'", "params", "remove it")
     up_curve, down_curve, up_share, down_share = _curves(data, reader)
     up, down = (_side(data, side, reader) for side in ("up", "down"))
+    for name, side in (("up", up), ("down", down)):
+        if side.loss is not None and (share := side.loss.mean()) > MUCH_LOSS:
+            reader.remarks.append(f"{share:.0%} of packets {name} are lost; 0.01 is 1 %")
     gaps = data.get("gaps") or []
     if not isinstance(gaps, list):
         raise reader.complaint(f"expected a list of gaps, not {in_words(gaps)}", "gaps")

@@ -21,6 +21,12 @@ from slambed.suggestion import suggestion
 Model = TypeVar("Model", bound=BaseModel)
 
 
+AS_MAPPING = {
+    "loss": "loss: {{random: {}}}", "rate": "rate: {{mbps: {}}}", "jitter": "jitter: {{sd_ms: {}}}",
+}  # fmt: skip
+"""How a plain number is written where a mapping is expected."""
+
+
 class ProfileReader:
     """Reads one profile; `where` names it in errors, `near` is the folder of its traces."""
 
@@ -39,7 +45,10 @@ class ProfileReader:
     def only(self, data: Any, known: list[str], place: str) -> dict[str, Any]:
         """Returns `data` as a dict; raises a complaint about unknown keys."""
         if not isinstance(data, Mapping):
-            raise self.complaint(f"expected a mapping of keys, not {in_words(data)}", place)
+            number = isinstance(data, int | float) and not isinstance(data, bool)
+            example = AS_MAPPING.get(place.rpartition(".")[2], "") if number else ""
+            advice = f"write '{example.format(data)}'" if example else ""
+            raise self.complaint(f"expected a mapping of keys, not {in_words(data)}", place, advice)
         for key in data:
             if key not in known:
                 raise self.complaint(f"unknown key '{key}'", place, suggestion(str(key), known))

@@ -44,6 +44,8 @@ _UNITS_OF_NAMES = {
 """Unit -> last word of the name of a column in it: `rtt_us`, `rtt (µs)`, `rttSec`."""
 _SHORTEST_STEP_S = 1e-5
 """Nobody measures RTTs more often."""
+_SHORTEST_RTT_MS = 0.1
+"""Shorter round trips leave no machine; a trace in seconds has them."""
 MOST_OUTAGES = 4
 """Gaps of a trace that an error writes as outages."""
 _SEPARATOR_LINE = re.compile(r"sep=(.)", re.I)
@@ -173,6 +175,7 @@ def read_rtt_trace(description: TraceFile, near: Path | None, remarks: list[str]
         raise SlambedError(f"no samples between start_s and its end, {path}; correct the window")
     times, values = times[chosen], values[chosen]
     _check(path, times, values, description)
+    remarks += _oddities(path.name, times, values, description)
     return Trace(times_s=times, values_ms=values, hold=description.hold)
 
 
@@ -224,6 +227,29 @@ def _check(path: Path, times: np.ndarray, values: np.ndarray, description: Trace
         )
 
 
+def _oddities(
+    name: str, times: np.ndarray, values: np.ndarray, description: TraceFile
+) -> list[str]:
+    """Returns remarks on what is allowed, but may not be meant."""
+    found = []
+    steps = np.diff(times)
+    bridged = np.flatnonzero(steps > _usual_gap_s(steps, description))
+    if bridged.size:
+        at = bridged[0]
+        found.append(
+            f"{name}: nothing was recorded for {steps[at]:.2g} s from {times[at]:.3g} s on (run "
+            "time), which max_gap_s allows; "
+            + ("its value holds" if description.hold else "a straight line leads across")
+            + ", and an outage goes under gaps"
+        )
+    if 0 < (middle := float(np.median(values))) < _SHORTEST_RTT_MS:
+        found.append(
+            f"{name}: its RTT is {middle:.2g} ms in the median; give rtt_unit if the column has "
+            "another unit"
+        )
+    return found
+
+
 def _as_outages(times: np.ndarray, steps: np.ndarray, gaps: np.ndarray) -> str:
     """Returns the keys with which gaps between samples are outages. The link went down somewhere
     in the interval after the last sample and came back in the one before the next: halves."""
@@ -235,14 +261,18 @@ def _as_outages(times: np.ndarray, steps: np.ndarray, gaps: np.ndarray) -> str:
     more = f" and {len(gaps) - MOST_OUTAGES} more" if len(gaps) > MOST_OUTAGES else ""
     allowed = np.ceil(10 * steps[gaps].max()) / 10
     return (
-        f"'max_gap_s: {allowed:g}' under trace and 'gaps: [{', '.join(outages)}]'{more} beside "
-        "rtt_ms."
+        f"'max_gap_s: {allowed:g}' under trace and 'gaps: [{', '.join(outages)}]'{more} (run time) "
+        "with 'gap_mode: drop' beside rtt_ms."
     )
 
 
 def _longest_gap_s(steps: np.ndarray, description: TraceFile) -> float:
     if description.max_gap_s is not None:
         return description.max_gap_s
+    return _usual_gap_s(steps, description)
+
+
+def _usual_gap_s(steps: np.ndarray, description: TraceFile) -> float:
     if description.format != "ping" or not steps.size:
         return _MAX_GAP_S
     # Tolerates jitter of send times and timestamps.

@@ -39,6 +39,13 @@ def test_a_recording_longer_than_the_runs_is_said() -> None:
     assert not remarks_on([hall], 983.5)
 
 
+def test_outages_after_the_end_of_the_runs_are_said() -> None:
+    late = NamedProfile("hall", {"rtt_ms": 20, "gaps": [{"start_s": 20, "length_s": 2}]})
+    (line,) = remarks_on([late], 12.0)
+    assert line == "profile hall: its outages begin after the end of a run, at 12 s"
+    assert not remarks_on([late], 20.5) and not remarks_on([late])
+
+
 def test_live_runs_at_the_pace_of_this_machine_are_said() -> None:
     device = Library().device("raspberry_pi_4")
     spec = run_spec(engine="local", device_mobile=device)

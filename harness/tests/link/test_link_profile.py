@@ -233,6 +233,30 @@ def test_a_bad_file_is_named(tmp_path: Path) -> None:
         load_profile(path)
 
 
+@pytest.mark.parametrize(
+    ("written", "advice"),
+    [
+        ({"loss": 0.01}, "write 'loss: {random: 0.01}'"),
+        ({"rate": 5}, "write 'rate: {mbps: 5}'"),
+        ({"up": {"jitter": 3}}, "write 'jitter: {sd_ms: 3}'"),
+    ],
+)
+def test_a_number_for_an_impairment_is_told_how_to_be_written(
+    written: dict[str, Any], advice: str
+) -> None:
+    with pytest.raises(SlambedError, match="expected a mapping of keys") as error:
+        parse_profile({"rtt_ms": 5, **written}, "x.yaml")
+    assert str(error.value).endswith(advice)
+    ((kind, number),) = written.get("up", written).items()
+    parse_profile({"rtt_ms": 5, kind: {advice.split("{")[1].split(":")[0]: number}}, "x.yaml")
+
+
+def test_a_loss_that_is_hardly_meant_is_a_remark() -> None:
+    (line,) = parse_profile({"rtt_ms": 5, "up": {"loss": {"random": 1}}}, "x.yaml").remarks
+    assert line == "100% of packets up are lost; 0.01 is 1 %"
+    assert not parse_profile({"rtt_ms": 5, "loss": {"random": 0.5}}, "x.yaml").remarks
+
+
 def test_outages_of_a_kept_profile_are_read_without_its_traces() -> None:
     gaps = [{"start_s": 2, "length_s": 1, "every_s": 5}, {"start_s": 9.5, "length_s": 2}]
     content = {"rtt_ms": {"trace": {"file": "not/here.csv"}}, "gaps": gaps}

@@ -376,6 +376,15 @@ def test_windows_counts_requests_without_a_reply(tmp_path: Path) -> None:
     assert ping_trace(tmp_path, [reply, "Request timed out.", reply]).duration == 2
 
 
+def test_what_may_not_be_meant_is_a_remark(tmp_path: Path) -> None:
+    lines = [UNIX_REPLY.format(seq=i, ms=10) for i in (1, 2, 3, 7, 8)]
+    (remark,) = [r for r in ping_trace(tmp_path, lines, max_gap_s=4).remarks if "nothing was" in r]
+    assert "nothing was recorded for 4 s from 2 s on" in remark and "under gaps" in remark
+    small = trace(tmp_path, "time_s,rtt_ms\n0,0.02\n0.5,0.03\n1,0.022\n")
+    (remark,) = small.remarks
+    assert "its RTT is 0.022 ms in the median; give rtt_unit" in remark
+
+
 def test_one_lost_reply_is_no_gap_and_two_are(tmp_path: Path) -> None:
     numbers = [1, 2, 3, 5, 6]
     lines = [UNIX_REPLY.format(seq=i, ms=i) for i in numbers]
@@ -387,7 +396,10 @@ def test_one_lost_reply_is_no_gap_and_two_are(tmp_path: Path) -> None:
         ping_trace(tmp_path, lines)
     assert str(error.value).endswith("or correct ping_interval_s")
     # Half an interval after the last reply, until half an interval before the next one.
-    assert "'gaps: [{start_s: 2.5, length_s: 3}]' beside rtt_ms" in str(error.value)
+    assert (
+        "'gaps: [{start_s: 2.5, length_s: 3}]' (run time) with 'gap_mode: drop' beside rtt_ms"
+        in str(error.value)
+    )
     assert "'max_gap_s: 4' under trace" in str(error.value)
 
 

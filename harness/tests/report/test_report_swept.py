@@ -3,6 +3,7 @@
 
 import json
 from collections.abc import Iterator
+from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
@@ -189,6 +190,40 @@ def test_a_strategy_that_has_its_own_figure_gets_no_second_one() -> None:
     assert not list(swept(results(**own)))
     over_links = results(("static",), links=("rtt_0", "rtt_40", "rtt_80"), **own)
     assert [found.axis.key for found in swept(over_links)] == ["link.rtt_ms"]
+
+
+def links_of(contents: dict[str, dict[str, Any]]) -> Results:
+    made = results(("static",), links=tuple(contents), n_orb=(300,))
+    return replace(made, links=contents)
+
+
+def test_links_are_swept_by_what_they_do_and_not_by_their_names() -> None:
+    found = links_of(
+        {
+            f"r{rtt}_l{percent}": {"name": "x", "rtt_ms": rtt, **loss}
+            for rtt in (20, 60, 120)
+            for percent, loss in ((0, {}), (1, {"loss": {"random": 0.01}}))
+        }
+    )
+    (over_rtt,) = swept(found)
+    assert over_rtt.axis.key == "link.rtt_ms"
+    assert [line.point for line in over_rtt.lines] == ["RTT alone", "loss 1 %"]
+    assert [sorted(set(line.values)) for line in over_rtt.lines] == [[20, 60, 120]] * 2
+
+
+def test_packet_loss_is_an_axis() -> None:
+    shares = (0.0, 0.01, 0.05)
+    losses = [{"loss": {"random": share}} if share else {} for share in shares]
+    content = {f"a{n}": {"rtt_ms": 40, **loss} for n, loss in enumerate(losses)}
+    (over_loss,) = swept(links_of(content))
+    assert over_loss.axis.heading == "share of packets lost in each direction"
+    assert [sorted(set(line.values)) for line in over_loss.lines] == [list(shares)]
+    assert [line.point for line in over_loss.lines] == [""]
+    # Bursts, or a trace, are no number; an outage makes another link.
+    bursts = {"loss": {"gilbert_elliott": {"to_bad": 0.1, "to_good": 0.5}}}
+    assert not list(swept(links_of({**content, "a2": {"rtt_ms": 40, **bursts}})))
+    cut = {"gaps": [{"start_s": 1, "length_s": 1}]}
+    assert not list(swept(links_of({**content, "a2": {**content["a2"], **cut}})))
 
 
 def test_where_half_of_the_runs_failed_the_line_has_a_gap(drawn: Any) -> None:

@@ -34,6 +34,8 @@ def test_events_of_all_runs_are_one_table(results: "slambed.Results") -> None:
     per_cell = frames.groupby("cell")["track_ms"].median()
     assert per_cell.between(20, 60).all() and "bytes" not in frames
     assert len(results.events()) > len(frames)
+    # Whether a queue dropped a message is known also where none did.
+    assert not results.events("message")["dropped"].any()
 
 
 def test_samples_link_and_paths(results: "slambed.Results") -> None:

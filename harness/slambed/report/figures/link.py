@@ -20,6 +20,8 @@ from slambed.spec.board import NETWORK
 from slambed.spec.device import VIRTUAL
 
 PROBE, ASKED, APPLIED = "#0072B2", "#000000", "#E69F00"
+FAR_APART = 8.0
+"""Messages that wait for an outage take so much longer than the RTT that a linear axis hides it."""
 MESSAGES = {"up": "#009E73", "down": "#CC79A7"}
 
 
@@ -84,11 +86,18 @@ def draw_rtt(results: Results, condition: Condition, writer: FigureWriter) -> No
                 label="outage" if number == 0 else None,
             )
         axis.set_xlabel("time [s]")
-        axis.set_ylabel("round-trip time [ms]")
+        axis.set_ylabel("RTT, or one way of a message [ms]")
         # A quantile is used, so that a single late probe does not flatten the plot.
-        shown = (asked["value"], probe["value"], messages["value"])
-        tops = [part.quantile(0.998) for part in shown if len(part)]
-        axis.set_ylim(0, max(1.0, 1.1 * max(float(top) for top in tops)))
+        rtt_ms, message_ms = (
+            max((float(part["value"].quantile(0.998)) for part in parts if len(part)), default=0.0)
+            for parts in ((asked, probe), (messages,))
+        )
+        top = max(1.0, 1.1 * rtt_ms, 1.1 * message_ms)
+        if message_ms > FAR_APART * rtt_ms > 0:
+            axis.set_yscale("log")
+            axis.set_ylim(max(0.1, 0.4 * float(asked["value"].quantile(0.05))), top)
+        else:
+            axis.set_ylim(0, top)
         axis.set_title(f"Link: {condition.title}")
         legend_beneath(made, axis)
         row = runs[runs["run_key"] == key].iloc[0]

@@ -2,11 +2,13 @@
 """Draws the experiment's metrics over a swept value: a line per system and per combination of the
 other varied values."""
 
+import json
 import re
 import textwrap
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from itertools import chain
+from math import nan
 from typing import Any
 
 import numpy as np
@@ -33,7 +35,11 @@ from slambed.report.style import (
 )
 from slambed.spec.library import Library
 
-PARAMS, RTT = "params.", "link.rtt_ms"
+PARAMS, RTT, LOSS = "params.", "link.rtt_ms", "link.loss"
+IN_WORDS = ("name", "description", "source", "duration_s")
+"""Keys of a profile that change nothing of what packets meet."""
+NOTHING_ELSE = {RTT: "RTT alone", LOSS: "loss alone"}
+"""What a link is called that does nothing besides."""
 LEAST_VALUES = 3
 """Fewest values: two points are a comparison, not a curve."""
 MOST_LINES = 5
@@ -58,7 +64,7 @@ QUARTILES = (0.25, 0.5, 0.75)
 
 @dataclass(frozen=True)
 class Axis:
-    """The swept value: a parameter, or the round-trip time that the link adds."""
+    """The swept value: a parameter, or the round-trip time or packet loss of the link."""
 
     key: str
     name: str
@@ -119,13 +125,18 @@ def swept(results: Results) -> Iterator[Swept]:
         if _has_both(runs)
         else set()
     )
-    for key in [*parameters, RTT]:
-        values = _rtt_ms(runs["profile"]) if key == RTT else _numbers(runs[key])
+    for key in [*parameters, RTT, LOSS]:
+        if key in (RTT, LOSS):
+            links = [_split(name, results.links.get(name), key) for name in runs["profile"]]
+            values = pd.Series([link.value for link in links], index=runs.index, dtype=float)
+            rest = pd.Series([link.rest for link in links], index=runs.index)
+        else:
+            values, rest = _numbers(runs[key]), runs["profile"].map(text)
         if values.nunique() < LEAST_VALUES:
             continue
         lines = [
             line
-            for line in _lines(runs[values.notna()], values, key, parameters)
+            for line in _lines(runs[values.notna()], values, rest, key, parameters)
             if (*line.runs.iloc[0][["system", "variant", "dataset"]].map(str), key) not in own_form
         ]
         axis = _axis(key, lines)
@@ -143,30 +154,68 @@ def _numbers(column: pd.Series) -> pd.Series:
     return pd.to_numeric(column.mask(flags), errors="coerce").astype(float)
 
 
-def _rtt_ms(profiles: pd.Series) -> pd.Series:
-    """Returns the RTT of links that only add a constant, named `rtt_40` by grids and files; if
-    there are any, `none` counts as 0."""
-    found = profiles.map(text).str.extract(r"^rtt_(\d+(?:\.\d+)?)$")[0].astype(float)
-    return found.mask(profiles.eq("none"), 0.0) if found.notna().any() else found
+@dataclass(frozen=True)
+class LinkParts:
+    """A link as one number and everything else."""
+
+    value: float
+    """RTT in ms, or share of lost packets; NaN if it is not constant."""
+    rest: str
+    """What else the link does, in words; empty for nothing."""
+
+
+def _split(name: object, content: Mapping[str, Any] | None, key: str) -> LinkParts:
+    """Splits a link's profile into a constant RTT (or its random loss) and the rest. A profile
+    without its content, as in older results, is known by the names that grids give (`rtt_40`)."""
+    if text(name) in ("", "none"):
+        return LinkParts(0.0, "")
+    if content is None:
+        named = re.fullmatch(r"rtt_(\d+(?:\.\d+)?)", text(name))
+        return LinkParts(float(named[1]) if named and key == RTT else nan, "")
+    others = {k: v for k, v in content.items() if k not in IN_WORDS}
+    value = others.pop("rtt_ms", None) if key == RTT else _random_loss(others.pop("loss", None))
+    if isinstance(value, bool) or not isinstance(value, int | float):
+        value = nan
+    return LinkParts(float(value), _rest(others))
+
+
+def _random_loss(loss: object) -> object:
+    if loss is None:
+        return 0.0
+    return loss.get("random") if isinstance(loss, dict) and set(loss) == {"random"} else None
+
+
+def _rest(others: Mapping[str, Any]) -> str:
+    """Returns these keys of a profile in words."""
+    parts = []
+    for key, value in others.items():
+        if key == "rtt_ms" and isinstance(value, int | float):
+            parts.append(f"RTT {value:g} ms")
+        elif key == "loss" and isinstance(share := _random_loss(value), float | int):
+            parts.append(f"loss {100 * share:g} %")
+        elif value not in (None, [], {}):
+            parts.append(f"{key} {json.dumps(value, sort_keys=True)}")
+    return ", ".join(parts)
 
 
 def _lines(
-    runs: pd.DataFrame, values: pd.Series, key: str, parameters: list[str]
+    runs: pd.DataFrame, values: pd.Series, rest: pd.Series, key: str, parameters: list[str]
 ) -> Iterator[Line]:
-    """Yields groups of runs in which only this key has several values."""
+    """Yields groups of runs in which only this key has several values. `rest`: what else there is
+    of the link of each run, in words; its name where no part of the link is swept."""
+    of_link = key in (RTT, LOSS)
     leaf = key.rpartition(".")[2]
     own = values.loc[runs.index]
     names = [
-        text(label) if key == RTT else _without(text(label), leaf, value)
+        text(label) if of_link else _without(text(label), leaf, value)
         for label, value in zip(runs["label"], own, strict=True)
     ]
     fixed = ["system", "variant", "device_mobile", "device_edge", "dataset", "engine", "pace"]
-    fixed += [] if key == RTT else ["profile"]
     # Missing values become empty text, so that parameters that a system lacks count as equal.
     by = [runs[name].map(text) for name in (*fixed, *(p for p in parameters if p != key))]
-    by.append(pd.Series(names, index=runs.index))
+    by += [rest.loc[runs.index], pd.Series(names, index=runs.index)]
     others = [p for p in parameters if p != key and _is_varied(runs, p)]
-    links = key != RTT and runs["profile"].nunique(dropna=False) > 1
+    links = rest.loc[runs.index].nunique(dropna=False) > 1
     for group, rows in runs.groupby(by, sort=False):
         line = own.loc[rows.index]
         cells = pd.DataFrame({"value": line, "cell": rows["cell"]})
@@ -180,7 +229,7 @@ def _lines(
             if found == found and (shorter := _without(name, leaf, found)):
                 name = shorter
                 point.append(f"{leaf} {_word(found)}")
-        point += [text(first["profile"]) or "no link"] if links else []
+        point += [str(group[-2]) or NOTHING_ELSE.get(key, "no link")] if links else []
         yield Line(name, ", ".join(point), text(first["dataset"]), rows, line)
 
 
@@ -210,6 +259,8 @@ def _without(label: str, leaf: str, value: object) -> str:
 def _axis(key: str, lines: list[Line]) -> Axis:
     if key == RTT:
         return Axis(key, "RTT", "RTT added by the link [ms]")
+    if key == LOSS:
+        return Axis(key, "packet loss", "share of packets lost in each direction")
     name = key.removeprefix(PARAMS)
     units: set[str] = set()
     for system in {str(line.runs["system"].iloc[0]) for line in lines}:
