@@ -155,6 +155,9 @@ def parse_profile(
         try:
             return load_profile(mapping)
         except SlambedError as error:
+            if near is not None and is_file(near / f"{mapping}.yaml"):
+                advice = f"for {mapping}.yaml beside the experiment write ./{mapping}.yaml"
+                raise reader.complaint(f"unknown profile '{mapping}'", advice=advice) from None
             raise SlambedError(f"{error} ({where})", error.code) from None
     if isinstance(mapping, int | float) and not isinstance(mapping, bool):
         data = {"name": f"rtt_{mapping:g}", "rtt_ms": mapping}

@@ -263,3 +263,10 @@ def test_outages_of_a_kept_profile_are_read_without_its_traces() -> None:
     assert outages_within(content, 10.0) == [(2, 3), (7, 8), (9.5, 11.5)]
     assert outages_within({"rtt_ms": 5}, 10.0) == []
     assert outages_within({"gaps": [{"start_s": "soon"}]}, 10.0) == []
+
+
+def test_a_profile_beside_the_experiment_is_named_by_its_path(tmp_path: Path) -> None:
+    (tmp_path / "hall.yaml").write_text("rtt_ms: 5\n")
+    with pytest.raises(SlambedError, match="unknown profile 'hall', x.yaml") as error:
+        parse_profile("hall", "x.yaml", tmp_path)
+    assert str(error.value).endswith("write ./hall.yaml")
