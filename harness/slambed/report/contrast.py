@@ -50,7 +50,11 @@ def contrast(item: Metric, a: pd.DataFrame, b: pd.DataFrame) -> MetricContrast |
     if not any(len(finite(side[item.key].to_numpy())) for side in (a, b)):
         return None
     pairs = paired_by_seed(a, b)
-    x, y = (values_to_rank(side, item) for side in pairs or (a, b))
+    sides = pairs or (a, b)
+    x, y = (values_to_rank(side, item) for side in sides)
+    if not (np.isfinite(x).any() or np.isfinite(y).any()):
+        # Where every run failed, as on a sequence with a covered lens, ranks would show nothing.
+        x, y = (_floats(side[item.key]) for side in sides)
     if pairs is not None:
         measured = ~(np.isnan(x) | np.isnan(y))
         x, y = x[measured], y[measured]

@@ -141,7 +141,7 @@ def difference_table(found: list[Difference], between: str = SYSTEMS) -> Table:
         "(Mann-Whitney's test with Cliff's delta, shares Fisher's exact test). Changes are median "
         "differences of two runs, in parentheses the range where runs are too few for an interval. "
         f"The ATE RMSE of a run that tracked less than {LEAST_COVERAGE:.0%} of its frames ranks "
-        "last, as failed"
+        "last, as failed, unless all did"
     )
     return Table(name, caption + _power(found), headings, rows, words=5)
 

@@ -223,7 +223,8 @@ def test_enough_pairs_show_a_difference(tmp_path: Path) -> None:
     assert "could show" not in difference_table([found]).caption
 
 
-def test_an_early_loss_is_no_better_accuracy(tmp_path: Path) -> None:
+@pytest.mark.parametrize("all_fail", [False, True])
+def test_an_early_loss_is_no_better_accuracy(tmp_path: Path, all_fail: bool) -> None:
     runs = [
         (
             spec_of(system, variant, "ramp_85", repetition, engine="virtual"),
@@ -232,7 +233,7 @@ def test_an_early_loss_is_no_better_accuracy(tmp_path: Path) -> None:
                 edge=edge,
                 seed=repetition,
                 noise_m=0.01 if edge else 0.05,
-                lost_at_s=((1.5, 4.0),) if edge else (),
+                lost_at_s=((1.5, 4.0),) if edge or all_fail else (),
             ),
         )
         for repetition in range(7)
@@ -245,6 +246,9 @@ def test_an_early_loss_is_no_better_accuracy(tmp_path: Path) -> None:
     shown = results.runs.groupby("system")["ate_rmse_m"].median()
     assert shown["edgeslam"] < shown["orbslam2"]
     (found,) = differences(results, baseline="orbslam2")
+    if all_fail:  # ranks of failures would show nothing
+        assert found.verdict == "better" and found.found.b < found.found.a < 1
+        return
     assert found.verdict == "worse" and found.found.b == float("inf")
     row = difference_table([found]).rows[0]
     assert row[6] == "failed" and row[7] == "inf [inf, inf]"
