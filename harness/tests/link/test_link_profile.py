@@ -267,6 +267,6 @@ def test_outages_of_a_kept_profile_are_read_without_its_traces() -> None:
 
 def test_a_profile_beside_the_experiment_is_named_by_its_path(tmp_path: Path) -> None:
     (tmp_path / "hall.yaml").write_text("rtt_ms: 5\n")
-    with pytest.raises(SlambedError, match="unknown profile 'hall', x.yaml") as error:
+    with pytest.raises(SlambedError, match=r"unknown profile 'hall', x\.yaml") as error:
         parse_profile("hall", "x.yaml", tmp_path)
     assert str(error.value).endswith("write ./hall.yaml")
