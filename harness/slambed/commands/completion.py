@@ -29,7 +29,7 @@ VALUES: dict[str, tuple[str, ...]] = {
             "--wait-for-quiet", "--set", "--only", "--force", "--a", "--b", "--out", "--html",
             "--metric", "--sequence", "--from", "--to", "--around", "--baseline", "--alpha",
             "--history", "--publish", "--link-to", "--slowest", "--hosts", "--on", "--good",
-            "--bad", "--folder", "--cache", "--frames", "--table", "--until-s",
+            "--bad", "--folder", "--cache", "--frames", "--table", "--messages", "--until-s",
             "--budget", "--part",
         ),
         NO_CHOICE,
