@@ -50,7 +50,7 @@ def write_messages(run: RunLog, path: Path) -> str:
     table = messages_of(run)
     if not len(table):
         raise SlambedError(f"no messages in {run.folder}: its system sends none, or has no edge")
-    with writing(path):
+    with writing(path, "--messages"):
         table.to_csv(path, index=False, float_format="%.6f")
     dropped = int(table["dropped"].sum())
     return f"{len(table)} messages, {dropped} of them dropped: {path}"
