@@ -224,7 +224,7 @@ def _build(data: Mapping[str, Any], overrides: Mapping[str, Any], reader: Profil
         gap_mode=gap_mode,
         rate_traces=traces,
         content=content,
-        remarks=tuple(dict.fromkeys(reader.remarks)),
+        remarks=tuple(dict.fromkeys([*reader.remarks, *(() if gaps else reader.bridged)])),
         recorded=tuple(reader.recorded),
     )
     _check_values(profile, reader)

@@ -35,6 +35,8 @@ class ProfileReader:
         self.near = near
         self.remarks: list[str] = []
         """What was assumed about its traces, a line each."""
+        self.bridged: list[str] = []
+        """Silences of its traces across which a line leads: no remark beside an outage."""
         self.recorded: list[RecordedPart] = []
         """Traces of round-trip times that play for as long as a run lasts."""
 
@@ -88,7 +90,7 @@ class ProfileReader:
             return self._sum(inner, below)
         if kind == "trace":
             description = self.model(TraceFile, inner, below)
-            trace = read_rtt_trace(description, self.near, self.remarks)
+            trace = read_rtt_trace(description, self.near, self.remarks, self.bridged)
             if description.length_s is None:
                 length_s = float(trace.times_s[-1])
                 self.recorded.append(RecordedPart(description.file, description.start_s, length_s))

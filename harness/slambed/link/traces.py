@@ -144,9 +144,11 @@ def at_full_paths(content: Mapping[str, Any]) -> tuple[dict[str, Any], list[Path
     return replaced, list(dict.fromkeys(files))
 
 
-def read_rtt_trace(description: TraceFile, near: Path | None, remarks: list[str]) -> Trace:
+def read_rtt_trace(
+    description: TraceFile, near: Path | None, remarks: list[str], bridged: list[str]
+) -> Trace:
     """Returns the recording as a curve that begins at run time 0. Appends to `remarks` what was
-    assumed about it."""
+    assumed about it, and to `bridged` a silence across which it leads."""
     path = find_trace(description.file, near)
     check_digest(path, description.sha256)
     if description.format == "ping":
@@ -175,7 +177,12 @@ def read_rtt_trace(description: TraceFile, near: Path | None, remarks: list[str]
         raise SlambedError(f"no samples between start_s and its end, {path}; correct the window")
     times, values = times[chosen], values[chosen]
     _check(path, times, values, description)
-    remarks += _oddities(path.name, times, values, description)
+    bridged += _bridged(path.name, times, description)
+    if 0 < (middle := float(np.median(values))) < _SHORTEST_RTT_MS:
+        remarks.append(
+            f"{path.name}: its RTT is {middle:.2g} ms in the median; give rtt_unit if the column "
+            "has another unit"
+        )
     return Trace(times_s=times, values_ms=values, hold=description.hold)
 
 
@@ -227,27 +234,18 @@ def _check(path: Path, times: np.ndarray, values: np.ndarray, description: Trace
         )
 
 
-def _oddities(
-    name: str, times: np.ndarray, values: np.ndarray, description: TraceFile
-) -> list[str]:
-    """Returns remarks on what is allowed, but may not be meant."""
-    found = []
+def _bridged(name: str, times: np.ndarray, description: TraceFile) -> list[str]:
+    """Returns a line about the first silence that `max_gap_s` allows, if there is one."""
     steps = np.diff(times)
-    bridged = np.flatnonzero(steps > _usual_gap_s(steps, description))
-    if bridged.size:
-        at = bridged[0]
-        found.append(
-            f"{name}: nothing was recorded for {steps[at]:.2g} s from {times[at]:.3g} s on (run "
-            "time), which max_gap_s allows; "
-            + ("its value holds" if description.hold else "a straight line leads across")
-            + ", and an outage goes under gaps"
-        )
-    if 0 < (middle := float(np.median(values))) < _SHORTEST_RTT_MS:
-        found.append(
-            f"{name}: its RTT is {middle:.2g} ms in the median; give rtt_unit if the column has "
-            "another unit"
-        )
-    return found
+    silences = np.flatnonzero(steps > _usual_gap_s(steps, description))
+    if not silences.size:
+        return []
+    at = silences[0]
+    across = "its value holds" if description.hold else "a straight line leads across"
+    return [
+        f"{name}: nothing was recorded for {steps[at]:.2g} s from {times[at]:.3g} s on (run time), "
+        f"which max_gap_s allows; {across}, and an outage goes under gaps"
+    ]
 
 
 def _as_outages(times: np.ndarray, steps: np.ndarray, gaps: np.ndarray) -> str:

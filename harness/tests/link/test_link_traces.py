@@ -380,6 +380,13 @@ def test_what_may_not_be_meant_is_a_remark(tmp_path: Path) -> None:
     lines = [UNIX_REPLY.format(seq=i, ms=10) for i in (1, 2, 3, 7, 8)]
     (remark,) = [r for r in ping_trace(tmp_path, lines, max_gap_s=4).remarks if "nothing was" in r]
     assert "nothing was recorded for 4 s from 2 s on" in remark and "under gaps" in remark
+    (tmp_path / "log.txt").write_text("\n".join(lines))
+    written = {"rtt_ms": {"trace": {"file": "log.txt", "format": "ping", "max_gap_s": 4}}}
+    said = parse_profile(written, "x", tmp_path).remarks
+    cut = {"gaps": [{"start_s": 2.5, "length_s": 3}], "gap_mode": "drop"}
+    assert set(said) - set(parse_profile({**written, **cut}, "x", tmp_path).remarks) == {
+        remark.replace(remark.split(":")[0], "log.txt")
+    }
     small = trace(tmp_path, "time_s,rtt_ms\n0,0.02\n0.5,0.03\n1,0.022\n")
     (remark,) = small.remarks
     assert "its RTT is 0.022 ms in the median; give rtt_unit" in remark
