@@ -77,10 +77,13 @@ def _faults(run: RunLog) -> list[str]:
 
 
 def _outages(run: RunLog) -> list[str]:
-    return [
+    lines = [
         f"outage of the link from {begin_s:.2f} s to {end_s:.2f} s"
         for begin_s, end_s in run.outages_s[:MOST_OUTAGES]
     ]
+    if (more := len(run.outages_s) - MOST_OUTAGES) > 0:
+        lines.append(f"and {_count(more, 'more outage')} of the link")
+    return lines
 
 
 def _count(number: int, what: str, plural: str = "s") -> str:

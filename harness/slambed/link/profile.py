@@ -224,11 +224,23 @@ def _build(data: Mapping[str, Any], overrides: Mapping[str, Any], reader: Profil
         gap_mode=gap_mode,
         rate_traces=traces,
         content=content,
-        remarks=tuple(dict.fromkeys([*reader.remarks, *(() if gaps else reader.bridged)])),
         recorded=tuple(reader.recorded),
     )
     _check_values(profile, reader)
-    return replace(profile, duration=_duration(data, profile, reader))
+    unexplained = (
+        silence.remark
+        for silence in reader.silences
+        if not any(
+            begin < silence.end_s and end > silence.begin_s
+            for gap in profile.gaps
+            for begin, end in gap.within(silence.end_s)
+        )
+    )
+    return replace(
+        profile,
+        duration=_duration(data, profile, reader),
+        remarks=tuple(dict.fromkeys([*reader.remarks, *unexplained])),
+    )
 
 
 def _mapping(data: Mapping[str, Any], key: str, reader: ProfileReader) -> dict[str, Any]:

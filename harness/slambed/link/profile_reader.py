@@ -13,7 +13,14 @@ from slambed.errors import SlambedError
 from slambed.files.yaml_source import in_words, mistake
 from slambed.link import curves
 from slambed.link.curves import Curve
-from slambed.link.traces import TraceFile, find_trace, lasting_name, read_rtt_trace, sha256_of
+from slambed.link.traces import (
+    Silence,
+    TraceFile,
+    find_trace,
+    lasting_name,
+    read_rtt_trace,
+    sha256_of,
+)
 from slambed.spec.recorded_part import RecordedPart
 from slambed.spec.run_spec import with_trace_names
 from slambed.suggestion import suggestion
@@ -35,8 +42,8 @@ class ProfileReader:
         self.near = near
         self.remarks: list[str] = []
         """What was assumed about its traces, a line each."""
-        self.bridged: list[str] = []
-        """Silences of its traces across which a line leads: no remark beside an outage."""
+        self.silences: list[Silence] = []
+        """Silences of its traces across which a line leads."""
         self.recorded: list[RecordedPart] = []
         """Traces of round-trip times that play for as long as a run lasts."""
 
@@ -90,11 +97,14 @@ class ProfileReader:
             return self._sum(inner, below)
         if kind == "trace":
             description = self.model(TraceFile, inner, below)
-            trace = read_rtt_trace(description, self.near, self.remarks, self.bridged)
+            trace = read_rtt_trace(description, self.near)
+            self.remarks += trace.remarks
+            if trace.silence is not None:
+                self.silences.append(trace.silence)
             if description.length_s is None:
-                length_s = float(trace.times_s[-1])
+                length_s = float(trace.curve.times_s[-1])
                 self.recorded.append(RecordedPart(description.file, description.start_s, length_s))
-            return trace
+            return trace.curve
         if kind in curves.PLAIN:
             plain: Curve = self.model(curves.PLAIN[kind], inner, below)  # type: ignore[assignment]
             return plain

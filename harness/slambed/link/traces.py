@@ -7,6 +7,7 @@ import math
 import re
 from collections.abc import Mapping
 from contextlib import suppress
+from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any, Literal
@@ -144,15 +145,35 @@ def at_full_paths(content: Mapping[str, Any]) -> tuple[dict[str, Any], list[Path
     return replaced, list(dict.fromkeys(files))
 
 
-def read_rtt_trace(
-    description: TraceFile, near: Path | None, remarks: list[str], bridged: list[str]
-) -> Trace:
-    """Returns the recording as a curve that begins at run time 0. Appends to `remarks` what was
-    assumed about it, and to `bridged` a silence across which it leads."""
+@dataclass(frozen=True)
+class Silence:
+    """A time in which nothing was recorded and across which the curve leads."""
+
+    begin_s: float
+    """Run time."""
+    end_s: float
+    remark: str
+
+
+@dataclass(frozen=True)
+class RttTrace:
+    """A recording as a curve that begins at run time 0, and what to know about it."""
+
+    curve: Trace
+    remarks: tuple[str, ...]
+    """What was assumed, a line each."""
+    silence: Silence | None
+    """The first one that `max_gap_s` allows."""
+
+
+def read_rtt_trace(description: TraceFile, near: Path | None) -> RttTrace:
+    """Reads the file that `description` names, by its path or in the folder `near`."""
     path = find_trace(description.file, near)
     check_digest(path, description.sha256)
+    remarks: list[str] = []
     if description.format == "ping":
-        times, values = _read_ping(path, description, remarks)
+        times, values, assumed = _read_ping(path, description)
+        remarks += assumed
     else:
         times, values = _read_columns(path, description)
     if len(times) == 0:
@@ -177,13 +198,13 @@ def read_rtt_trace(
         raise SlambedError(f"no samples between start_s and its end, {path}; correct the window")
     times, values = times[chosen], values[chosen]
     _check(path, times, values, description)
-    bridged += _bridged(path.name, times, description)
     if 0 < (middle := float(np.median(values))) < _SHORTEST_RTT_MS:
         remarks.append(
             f"{path.name}: its RTT is {middle:.2g} ms in the median; give rtt_unit if the column "
             "has another unit"
         )
-    return Trace(times_s=times, values_ms=values, hold=description.hold)
+    curve = Trace(times_s=times, values_ms=values, hold=description.hold)
+    return RttTrace(curve, tuple(remarks), _silence(path.name, times, description))
 
 
 def _from_zero(
@@ -234,18 +255,20 @@ def _check(path: Path, times: np.ndarray, values: np.ndarray, description: Trace
         )
 
 
-def _bridged(name: str, times: np.ndarray, description: TraceFile) -> list[str]:
-    """Returns a line about the first silence that `max_gap_s` allows, if there is one."""
+def _silence(name: str, times: np.ndarray, description: TraceFile) -> Silence | None:
+    """Returns the first silence that `max_gap_s` allows, if there is one."""
     steps = np.diff(times)
     silences = np.flatnonzero(steps > _usual_gap_s(steps, description))
     if not silences.size:
-        return []
+        return None
     at = silences[0]
     across = "its value holds" if description.hold else "a straight line leads across"
-    return [
+    return Silence(
+        float(times[at]),
+        float(times[at + 1]),
         f"{name}: nothing was recorded for {steps[at]:.2g} s from {times[at]:.3g} s on (run time), "
-        f"which max_gap_s allows; {across}, and an outage goes under gaps"
-    ]
+        f"which max_gap_s allows; {across}, and an outage goes under gaps",
+    )
 
 
 def _as_outages(times: np.ndarray, steps: np.ndarray, gaps: np.ndarray) -> str:
@@ -392,9 +415,8 @@ def _split(lines: list[str]) -> list[tuple[int, list[str]]]:
     return [(n, [cell.replace(",", ".") for cell in row]) for n, row in rows]
 
 
-def _read_ping(
-    path: Path, description: TraceFile, remarks: list[str]
-) -> tuple[np.ndarray, np.ndarray]:
+def _read_ping(path: Path, description: TraceFile) -> tuple[np.ndarray, np.ndarray, list[str]]:
+    """Returns times in s, RTTs in ms, and what was assumed, a line each."""
     try:
         log = read_ping(read_lines(path))
     except ValueError as unusable:
@@ -407,12 +429,13 @@ def _read_ping(
             f"{log.unread}, {path}; give ping_interval_s, the time between two requests"
         )
     step_s = 1.0 if log.is_stamped else description.ping_interval_s or _PING_INTERVAL_S
+    assumed = []
     if log.echoes and not log.is_stamped and description.ping_interval_s is None:
-        remarks.append(
+        assumed.append(
             f"{path.name} has no time stamps, so its requests count as {step_s:g} s apart; give "
             "ping_interval_s if that is wrong"
         )
-    return sent * step_s, np.array([echo.rtt_ms for echo in log.echoes])
+    return sent * step_s, np.array([echo.rtt_ms for echo in log.echoes]), assumed
 
 
 def read_rate_trace(name: str, near: Path | None) -> list[int]:

@@ -60,7 +60,7 @@ def _table(paper: Paper, name: str, setup: PeerSetup, pool: Pool) -> Table | Non
                 heading,
                 theirs,
                 item.show(ours.value),
-                around(item, ours),
+                around(item.show, ours),
                 str(ours.count),
                 "-" if others else f"{ratio:.2f}",
                 aim,

@@ -91,24 +91,20 @@ def values_of_nights(
 ) -> tuple[Floats, Floats, bool]:
     """Returns a metric on both sides, and whether the values are pairs: virtual runs aligned by
     seed."""
-    if item.key not in before or item.key not in after:
-        return _values(before, item), _values(after, item), False
-    pairs = None
-    if {"engine", "seed"} <= set(before) & set(after):
-        pairs = paired_by_seed(before, after)
-    if pairs is None:
-        return _values(before, item), _values(after, item), False
-    a, b = (values_to_rank(side, item) for side in pairs)
-    both = ~(np.isnan(a) | np.isnan(b))
-    if not both.any():
-        return a[~np.isnan(a)], b[~np.isnan(b)], False
-    return a[both], b[both], True
+    sides = before, after
+    if not all(len(_measured(side, item)) for side in sides):
+        return _measured(before, item), _measured(after, item), False
+    has_seeds = {"engine", "seed"} <= set(before) & set(after)
+    pairs = paired_by_seed(before, after) if has_seeds else None
+    a, b = values_to_rank(*(pairs or sides), item)
+    both = ~np.isnan(a) & ~np.isnan(b) if pairs is not None else np.zeros(0, bool)
+    if both.any():
+        return a[both], b[both], True
+    return finite(a), finite(b), False
 
 
-def _values(rows: pd.DataFrame, item: Metric) -> Floats:
-    if item.key not in rows or not len(finite(rows[item.key].to_numpy())):
-        return np.zeros(0)
-    return finite(values_to_rank(rows, item))
+def _measured(rows: pd.DataFrame, item: Metric) -> Floats:
+    return finite(rows[item.key].to_numpy()) if item.key in rows else np.zeros(0)
 
 
 def worsening_p(baseline: Floats, tonight: Floats, better: str) -> Floats:

@@ -51,10 +51,7 @@ def contrast(item: Metric, a: pd.DataFrame, b: pd.DataFrame) -> MetricContrast |
         return None
     pairs = paired_by_seed(a, b)
     sides = pairs or (a, b)
-    x, y = (values_to_rank(side, item) for side in sides)
-    if not (np.isfinite(x).any() or np.isfinite(y).any()):
-        # Where every run failed, as on a sequence with a covered lens, ranks would show nothing.
-        x, y = (_floats(side[item.key]) for side in sides)
+    x, y = values_to_rank(*sides, item)
     if pairs is not None:
         measured = ~(np.isnan(x) | np.isnan(y))
         x, y = x[measured], y[measured]
@@ -105,9 +102,17 @@ def paired_by_seed(a: pd.DataFrame, b: pd.DataFrame) -> tuple[pd.DataFrame, pd.D
     return a.set_index("seed").loc[shared], b.set_index("seed").loc[shared]
 
 
-def values_to_rank(rows: pd.DataFrame, item: Metric) -> Floats:
-    """Returns one value per run, NaN where nothing was measured. The ATE of a failed run is
-    infinite."""
+def values_to_rank(a: pd.DataFrame, b: pd.DataFrame, item: Metric) -> tuple[Floats, Floats]:
+    """Returns one value per run of each side, NaN where nothing was measured. The ATE of a failed
+    run is infinite, unless every run of both sides failed: then it is that of what was tracked."""
+    x, y = _ranked(a, item), _ranked(b, item)
+    if not (np.isfinite(x).any() or np.isfinite(y).any()):
+        # As on a sequence with a covered lens, where ranks would show nothing.
+        return _floats(a[item.key]), _floats(b[item.key])
+    return x, y
+
+
+def _ranked(rows: pd.DataFrame, item: Metric) -> Floats:
     if item.key == RANKED_WITH_FAILURES and "coverage" in rows and rows["coverage"].notna().any():
         pairs = zip(_floats(rows[item.key]), _floats(rows["coverage"]), strict=True)
         return np.array([failure_ranked(ate, coverage) for ate, coverage in pairs])

@@ -3,6 +3,7 @@
 
 import csv
 import io
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from math import isfinite
 from pathlib import Path
@@ -102,12 +103,12 @@ def with_interval(metric: Metric, value: Interval | None) -> str:
         return "-"
     if value.count == 1:
         return metric.show(value.value)
-    return f"{metric.show(value.value)} {around(metric, value)}"
+    return f"{metric.show(value.value)} {around(metric.show, value)}"
 
 
-def around(metric: Metric, value: Interval) -> str:
+def around(show: Callable[[float], str], value: Interval) -> str:
     """Returns `[low, high]` for an interval, `(least to largest)` for a range."""
-    low, high = metric.show(value.low), metric.show(value.high)
+    low, high = show(value.low), show(value.high)
     return f"({low} to {high})" if value.is_range else f"[{low}, {high}]"
 
 
@@ -117,9 +118,7 @@ def change_with_interval(metric: Metric, change: Interval) -> str:
     def show(value: float) -> str:
         return metric.show(value) if isfinite(value) else f"{value:g}"
 
-    low, high = show(change.low), show(change.high)
-    limits = f"({low} to {high})" if change.is_range else f"[{low}, {high}]"
-    return f"{show(change.value)} {limits}"
+    return f"{show(change.value)} {around(show, change)}"
 
 
 def cell_tables(cells: list[Cell], metrics: list[Metric], per_table: int = 5) -> list[Table]:

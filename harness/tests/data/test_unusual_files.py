@@ -519,7 +519,8 @@ def test_limits_of_evaluate_are_checked(tmp_path: Path) -> None:
 def test_a_commented_header_of_a_trace_counts(tmp_path: Path) -> None:
     trace = tmp_path / "a.csv"
     trace.write_text("# from a phone\n# rtt_ms,time_s\n10,0\n20,0.5\n")
-    found = read_rtt_trace(TraceFile(file=str(trace)), None, [], [])
+    found = read_rtt_trace(TraceFile(file=str(trace)), None).curve
     assert found.times_s.tolist() == [0, 0.5] and found.values_ms.tolist() == [10, 20]
     trace.write_text("# time_s,rtt_ms\nrtt_ms,time_s\n10,0\n20,0.5\n")
-    assert read_rtt_trace(TraceFile(file=str(trace)), None, [], []).values_ms.tolist() == [10, 20]
+    again = read_rtt_trace(TraceFile(file=str(trace)), None).curve
+    assert again.values_ms.tolist() == [10, 20]

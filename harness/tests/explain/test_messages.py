@@ -10,8 +10,9 @@ from command_line import refused, slambed
 from results_factory import losing
 
 from slambed.errors import ExitCode, SlambedError
-from slambed.explain.messages import dropped_lines, messages_of, write_messages
+from slambed.explain.messages import dropped_lines, write_messages
 from slambed.explain.run_log import RunLog
+from slambed.metrics.messages import messages_of
 
 MS = 1_000_000
 
@@ -34,7 +35,7 @@ NOT_SENT = {"sent_ns": None, "received_ns": None, "dropped": True}
 
 def test_a_row_per_message_in_the_order_of_sending() -> None:
     run = log_of(message(2, 500), message(1, 100), message(3, 600, node="mobile", **NOT_SENT))
-    table = messages_of(run)
+    table = messages_of(run.of("message"))
     assert list(table["sequence"]) == [1, 2, 3]
     first, last = table.iloc[0], table.iloc[2]
     assert (first["queued_s"], first["sent_s"], first["received_s"]) == (0.1, 0.102, 0.1125)

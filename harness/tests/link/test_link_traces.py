@@ -387,6 +387,8 @@ def test_what_may_not_be_meant_is_a_remark(tmp_path: Path) -> None:
     assert set(said) - set(parse_profile({**written, **cut}, "x", tmp_path).remarks) == {
         remark.replace(remark.split(":")[0], "log.txt")
     }
+    elsewhere = {"gaps": [{"start_s": 0.2, "length_s": 0.5}, {"start_s": 7, "length_s": 1}]}
+    assert parse_profile({**written, **elsewhere}, "x", tmp_path).remarks == said
     small = trace(tmp_path, "time_s,rtt_ms\n0,0.02\n0.5,0.03\n1,0.022\n")
     (remark,) = small.remarks
     assert "its RTT is 0.022 ms in the median; give rtt_unit" in remark

@@ -107,6 +107,16 @@ def test_failed_runs_are_reported_whatever_the_survivors_ate() -> None:
     assert "alone/room/none: runs that tracked less than 90 % 0 -> 70 %" in failures
 
 
+def test_where_every_run_of_both_nights_failed_what_was_tracked_is_compared() -> None:
+    """As on a sequence with a covered lens: all ranks would be equal."""
+    rng = np.random.default_rng(8)
+    covered = {"coverage": 0.5, "lost": True}
+    before = some_runs(rng, 12, **covered)
+    assert judge(before, some_runs(rng, 12, **covered)).passed
+    worse = judge(before, some_runs(rng, 12, ate_rmse_m=0.5, **covered)).failures
+    assert len(worse) == 1 and "alone/room/none: ATE RMSE" in worse[0]
+
+
 def test_better_is_never_an_alarm() -> None:
     rng = np.random.default_rng(8)
     assert judge(some_runs(rng), some_runs(rng, track_ms_median=10.0, coverage=1.0)).passed

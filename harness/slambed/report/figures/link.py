@@ -5,6 +5,7 @@ messages."""
 import pandas as pd
 
 from slambed.link.impairments import outages_within
+from slambed.metrics.messages import messages_of
 from slambed.metrics.network import series
 from slambed.report.conditions import Condition, typical_run
 from slambed.report.load import Results
@@ -124,14 +125,13 @@ def draw_rtt(results: Results, condition: Condition, writer: FigureWriter) -> No
 
 
 def _one_way(results: Results, key: str) -> pd.DataFrame:
-    """Returns the one-way time of each message that arrived, by direction and time of sending."""
+    """Returns the one-way time in ms of each message that arrived, by direction and time of
+    sending."""
     log = results.events(key, ("message",))
-    arrived = [
-        (e["sent_ns"] / 1e9, (e["received_ns"] - e["sent_ns"]) / 1e6, str(e.get("direction")))
-        for e in (log.events if log is not None else [])
-        if isinstance(e.get("sent_ns"), int) and isinstance(e.get("received_ns"), int)
-    ]
-    return pd.DataFrame(arrived, columns=["t_s", "value", "direction"])
+    messages = messages_of(pd.DataFrame(log.events if log is not None else []))
+    arrived = messages.dropna(subset=["sent_s", "received_s"])
+    named = arrived.rename(columns={"sent_s": "t_s", "under_way_ms": "value"})
+    return named[["t_s", "value", "direction"]]
 
 
 def _source(row: pd.Series, probe: pd.DataFrame) -> str:
