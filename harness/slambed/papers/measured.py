@@ -8,9 +8,10 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from slambed.metrics.collect import EVENTS
+from slambed.metrics.events import EventLog
 from slambed.metrics.stages import delays
 from slambed.metrics.tracking import tracking_of
+from slambed.metrics.update_round import update_rounds
 from slambed.papers.lookup import Found, Pool, find_reference, find_runs, matching
 from slambed.papers.published import Paper, PaperMetric
 from slambed.papers.reference_runs import reference_errors
@@ -182,10 +183,10 @@ def _event_source(metric: PaperMetric) -> str:
 def _without_events(pool: Pool, runs: pd.DataFrame, metric: PaperMetric) -> str:
     """Returns what to do if no run has the events that this number needs, as with runs of `slambed
     results pack`."""
-    if not _event_source(metric):
+    if not (source := _event_source(metric)):
         return ""
     places = zip(runs["experiment_folder"].astype(str), runs["run_key"].astype(str), strict=True)
-    if any((pool.results[f].run_dir(key) / EVENTS).exists() for f, key in places):
+    if any(_events(pool, folder, key, source) is not None for folder, key in places):
         return ""
     names = sorted(set(runs["experiment_folder"].astype(str)))
     engine = str(runs["engine"].iloc[0])
@@ -196,7 +197,7 @@ def _without_events(pool: Pool, runs: pd.DataFrame, metric: PaperMetric) -> str:
 def _from_events(pool: Pool, folder: str, key: str, source: str, part: str) -> float | None:
     place = (key, f"{source}.{part}")
     if place not in pool.from_events:
-        log = event_log(pool.results[folder], key)
+        log = _events(pool, folder, key, source)
         if source == "delay":
             for name, delay in (delays(log) if log is not None else {}).items():
                 pool.from_events[key, f"delay.{name}"] = delay.mean_ms
@@ -205,3 +206,13 @@ def _from_events(pool: Pool, folder: str, key: str, source: str, part: str) -> f
             pool.from_events[place] = None if value is None else float(value)
         pool.from_events.setdefault(place, None)
     return pool.from_events[place]
+
+
+def _events(pool: Pool, folder: str, key: str, source: str) -> EventLog | None:
+    """Returns the events of a run that such numbers need, None if they were not kept. Updates that
+    report their own parts are enough for delays."""
+    if source == "delay":
+        updates = pool.results[folder].events(key, ("update_applied",))
+        if updates is not None and update_rounds(updates):
+            return updates
+    return event_log(pool.results[folder], key)

@@ -12,6 +12,8 @@ import pyarrow.parquet as pq
 import pytest
 
 from slambed.errors import SlambedError
+from slambed.metrics.collect import SOME_EVENTS, write_some_events
+from slambed.metrics.update_round import PART_FIELDS
 from slambed.papers.compare import Column, PaperVerdicts, compare_paper, comparison_table
 from slambed.papers.experiment_tables import comparisons_for
 from slambed.papers.fits import DeviceFit, read_fits
@@ -285,6 +287,23 @@ def test_runs_that_are_kept_without_events_are_no_missing_runs(
     row = column_of(dynnetslam, results).rows["dynnet.T1.T_MU.enhanced"]
     assert (row.mark, row.missing) == ("N", "no_metric")
     assert column_of(dynnetslam).rows["dynnet.T1.T_MU.enhanced"].missing == "too_few_runs"
+
+
+def test_kept_updates_are_enough_for_their_delays(dynnetslam: Paper, tmp_path: Path) -> None:
+    """Like runs of `slambed results pack --events update_applied`."""
+    rows = runs_of("edgeslam", "static", "none", 0, 20, engine="virtual")
+    results = results_of(rows)
+    results.folder = tmp_path / "made_up"
+    whole = tmp_path / "events.parquet"
+    for number, row in enumerate(rows):
+        parts = {field: float(number) for field in (*PART_FIELDS.values(), "t_total_ms")}
+        update = {"t_ns": [1], "type": ["update_applied"], "node": ["mobile"]}
+        pq.write_table(pa.table(update | {name: [ms] for name, ms in parts.items()}), whole)
+        kept = results.run_dir(str(row["run_key"]))
+        kept.mkdir(parents=True)
+        write_some_events(whole, ["update_applied"], kept / SOME_EVENTS)
+    measured = column_of(dynnetslam, results).rows["dynnet.T1.T_MU.enhanced"]
+    assert measured.ours.startswith("9.5 ±")
 
 
 def test_live_and_virtual_are_two_columns(dynnetslam: Paper) -> None:
