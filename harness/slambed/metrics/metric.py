@@ -72,6 +72,13 @@ class Metric:
         """The doc, and whether only live runs have a value."""
         return f"live runs only: {self.doc}" if self.live_only else self.doc
 
+    def judged(self, change: float, otherwise: str) -> str:
+        """Returns whether this change of the value is `better` or `worse`; `otherwise` where
+        neither can be said."""
+        if self.better == "neither" or change == 0:
+            return otherwise
+        return "better" if (change > 0) == (self.better == "higher") else "worse"
+
     @property
     def shown_unit(self) -> str:
         """Unit in tables and figures."""

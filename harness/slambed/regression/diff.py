@@ -51,9 +51,7 @@ class Change:
         """Returns the result in words, which never claim equality."""
         if not self.shown:
             return "no change shown" if self.possible else "too few runs to show any"
-        if self.metric.better == "neither" or self.change.value == 0:
-            return "changed"
-        return "better" if (self.change.value > 0) == (self.metric.better == "higher") else "worse"
+        return self.metric.judged(self.change.value, "changed")
 
 
 def diff(sides: Sides, metrics: list[str] | None = None) -> list[Change]:

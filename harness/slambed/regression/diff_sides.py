@@ -153,14 +153,13 @@ class Sides:
         value."""
         a, b = self.a.results.runs, self.b.results.runs
         columns = [name for name in a if name in b]
-        if "run_key" not in columns:
+        if "run_key" not in columns or not set(a["run_key"]) & set(b["run_key"]):
             return 0
-        shared = set(a["run_key"]) & set(b["run_key"])
         ours, theirs = (
-            set(runs.loc[runs["run_key"].isin(shared), columns].astype(str).itertuples(False, None))
-            for runs in (a, b)
+            runs.loc[runs["run_key"].isin(other["run_key"]), columns].astype(str)
+            for runs, other in ((a, b), (b, a))
         )
-        return len(ours & theirs)
+        return len(ours.merge(theirs))
 
     def _apart(self) -> tuple[str, str]:
         a, b = (

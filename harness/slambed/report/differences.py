@@ -41,10 +41,7 @@ class Difference:
         """Returns the result in words, which never claim equality."""
         if self.p_value > USUAL_ALPHA:
             return "no difference shown" if self.possible else "too few runs to show any"
-        change = self.found.change.value
-        if self.metric.better == "neither" or change == 0:
-            return "different"
-        return "better" if (change > 0) == (self.metric.better == "higher") else "worse"
+        return self.metric.judged(self.found.change.value, "different")
 
 
 def differences(

@@ -127,9 +127,7 @@ def swept(results: Results) -> Iterator[Swept]:
     )
     for key in [*parameters, RTT, LOSS]:
         if key in (RTT, LOSS):
-            links = [_split(name, results.links.get(name), key) for name in runs["profile"]]
-            values = pd.Series([link.value for link in links], index=runs.index, dtype=float)
-            rest = pd.Series([link.rest for link in links], index=runs.index)
+            values, rest = _split_links(runs["profile"].map(text), results, key)
         else:
             values, rest = _numbers(runs[key]), runs["profile"].map(text)
         if values.nunique() < LEAST_VALUES:
@@ -142,6 +140,15 @@ def swept(results: Results) -> Iterator[Swept]:
         axis = _axis(key, lines)
         for dataset in dict.fromkeys(line.dataset for line in lines):
             yield Swept(axis, dataset, [x for x in lines if x.dataset == dataset])
+
+
+def _split_links(
+    names: pd.Series, results: Results, key: str
+) -> tuple["pd.Series[float]", "pd.Series[str]"]:
+    """Returns the swept value of the link of each run, and the rest of the link in words."""
+    links = {name: _split(name, results.links.get(name), key) for name in names.unique()}
+    values = names.map({name: link.value for name, link in links.items()}).astype(float)
+    return values, names.map({name: link.rest for name, link in links.items()})
 
 
 def _has_both(runs: pd.DataFrame) -> bool:
@@ -164,13 +171,13 @@ class LinkParts:
     """What else the link does, in words; empty for nothing."""
 
 
-def _split(name: object, content: Mapping[str, Any] | None, key: str) -> LinkParts:
+def _split(name: str, content: Mapping[str, Any] | None, key: str) -> LinkParts:
     """Splits a link's profile into a constant RTT (or its random loss) and the rest. A profile
     without its content, as in older results, is known by the names that grids give (`rtt_40`)."""
-    if text(name) in ("", "none"):
+    if name in ("", "none"):
         return LinkParts(0.0, "")
     if content is None:
-        named = re.fullmatch(r"rtt_(\d+(?:\.\d+)?)", text(name))
+        named = re.fullmatch(r"rtt_(\d+(?:\.\d+)?)", name)
         return LinkParts(float(named[1]) if named and key == RTT else nan, "")
     others = {k: v for k, v in content.items() if k not in IN_WORDS}
     value = others.pop("rtt_ms", None) if key == RTT else _random_loss(others.pop("loss", None))
