@@ -34,7 +34,7 @@ def outlook(name: str, options: Options) -> Outlook:
     except SlambedError:
         runs = planned_runs(experiment, source, library) // experiment.runs.default * count
         assumed = assumed_run_s(experiment.playback, asked == VIRTUAL)
-        return Outlook(runs, runs, measured or assumed)
+        return Outlook(runs, runs, measured or assumed, is_counted=False)
     store = RunStore(options.results)
     specs = [spec for spec in plan.specs if in_part(spec.run_key, options.part)]
     missing = sum(store.state(spec.run_key) != "valid" for spec in specs)

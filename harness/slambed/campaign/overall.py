@@ -33,6 +33,8 @@ class Outlook:
     keys contain its checksum."""
     run_s: float
     """Expected duration of one run in seconds."""
+    is_counted: bool = True
+    """False where a sequence has to be made first."""
 
 
 @dataclass

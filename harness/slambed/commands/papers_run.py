@@ -80,7 +80,7 @@ def play(papers: list[Paper], options: Options, budget_s: float | None) -> Playe
     print_to(
         screen,
         f"{len(ahead)} experiments, {overall.total} runs, {overall.done} there already, "
-        f"{overall.left} left, about {duration(overall.left_s())}",
+        f"{overall.left} left, about {duration(overall.left_s())}" + _uncounted(overall),
     )
     overall.decided = _decided(papers, options.results)
     for name in in_order({name: item.decides for name, item in ahead.items()}, cost_s):
@@ -107,6 +107,18 @@ def play(papers: list[Paper], options: Options, budget_s: float | None) -> Playe
     return played
 
 
+def _uncounted(overall: Overall) -> str:
+    """Returns how many experiments may have runs that this number misses."""
+    number = sum(not found.is_counted for found in overall.outlooks.values())
+    if not number:
+        return ""
+    return f" (runs of {_experiments(number)} are looked for once sequences are made)"
+
+
+def _experiments(number: int) -> str:
+    return f"{number} experiment{'s' if number > 1 else ''}"
+
+
 def raise_unless_done(played: Played) -> None:
     """Raises SlambedError (exit code 1) with what is left when the budget was used up, and if
     anything else is not good."""
@@ -122,7 +134,7 @@ def raise_unless_done(played: Played) -> None:
     if played.refused:
         name, why = next(iter(played.refused.items()))
         raise SlambedError(
-            f"{len(played.refused)} experiments could not be played: {name}: {why}",
+            f"{_experiments(len(played.refused))} could not be played: {name}: {why}",
             ExitCode.NOT_ALL_GOOD,
         )
 

@@ -16,6 +16,7 @@ from slambed.commands.papers_run import Played, play, raise_unless_done
 from slambed.errors import ExitCode, SlambedError
 from slambed.failures import INTERRUPTED
 from slambed.papers.decides import Decides, decided_words, decides, in_order
+from slambed.papers.paper_runs import experiments_of
 from slambed.papers.published import Paper, read_papers
 from slambed.papers.published.paper_plan import read_plan
 
@@ -97,9 +98,28 @@ def test_everything_is_played_and_what_cannot_be_is_set_aside(
     assert found.refused == {"d_t2_rtt": "no such profile"}
     assert found.overall.left == 0
     assert found.overall.done == 4 * len(names)
-    with pytest.raises(SlambedError, match="1 experiments could not be played: d_t2_rtt") as error:
+    with pytest.raises(SlambedError, match="1 experiment could not be played: d_t2_rtt") as error:
         raise_unless_done(found)
     assert error.value.code == ExitCode.NOT_ALL_GOOD
+
+
+def test_runs_on_a_sequence_that_is_not_made_yet_are_told(
+    dynnetslam: Paper,
+    played: list[tuple[str, Options]],
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+    tmp_path: Path,
+) -> None:
+    """Their keys contain the sequence's checksum, so they cannot be looked for before."""
+
+    def first_line() -> str:
+        play([dynnetslam], Options(results=tmp_path), None)
+        return " ".join(capsys.readouterr().out.split())
+
+    assert "are looked for" not in first_line()
+    monkeypatch.setattr(papers_run, "outlook", lambda *_: Outlook(4, 4, 10.0, is_counted=False))
+    number = len(experiments_of([dynnetslam]))
+    assert f"(runs of {number} experiments are looked for once sequences" in first_line()
 
 
 def test_a_used_budget_ends_the_campaign_with_what_is_left(
