@@ -215,5 +215,5 @@ CAPTION = (
     "then by ATE RMSE, of an even number the worse of the two in the middle; of 2 runs the worse "
     "one. "
     "Strip: green tracked, orange lost, gray not initialized; cross: track lost; tick under it: "
-    "map update applied (dark) or declined (pink)."
+    "map update applied (dark), or received and not used (pink)."
 )

@@ -198,6 +198,10 @@ def test_the_first_screen_is_the_picture(folded: Page, lossy: Path, width: int) 
     )
     assert 0 < top < bottom < 900
     assert folded.value("document.documentElement.scrollWidth") <= width
+    unfold(folded)
+    long_name = "edgeslam:conventional/synthetic_fr3_path/rtt_20_loss_1_percent_of_all"
+    folded.value(f"document.body.insertAdjacentHTML('beforeend', '<p><b>{long_name}</b></p>')")
+    assert folded.value("document.documentElement.scrollWidth") <= width
     # Nothing of the picture is cut off at its right end.
     assert folded.value(
         "[...document.querySelectorAll('svg.overview > text, svg.overview > a text')].every("
