@@ -218,7 +218,7 @@ class JudgedOrdering:
         place = f", {where}" if (where := self._where(chain)) else ""
         many = len(self.chains) > 1
         more = f" ({which} of {len(self.chains)} {self.chain_words[1]}{place})" if many else ""
-        return f"{reported} {unit}{more}"
+        return f"{reported} {unit}".strip() + more
 
     def _ends(self, chain: Chain, ours: bool) -> tuple[str, str]:
         """Returns both ends of a chain, and their unit."""

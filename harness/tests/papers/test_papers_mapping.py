@@ -77,6 +77,13 @@ def test_the_two_maps_of_orbslam_are_distinguished(papers: dict[str, Paper]) -> 
     assert fnmatchcase("map.slm", str(prior["orbslam2_prior"]))
 
 
+def test_points_of_figures_have_the_unit_of_their_metric(cells: dict[str, PublishedCell]) -> None:
+    """Figures print none, and an ordering over them says what our numbers are."""
+    assert cells["ijnc.F7.orbslam2.fr2_pioneer_slam2"].unit == "MiB/min"
+    assert cells["cloudslam.F11.periodic_rectangle_rate.1"].unit == "Mbit/s"
+    assert cells["dynnet.F12.orbslam2.linear"].unit == "%"
+
+
 def test_up_to_is_no_bound(cells: dict[str, PublishedCell]) -> None:
     for number in (13, 14, 15, 17, 18):
         claim = cells[f"ijnc.C{number}"].claim

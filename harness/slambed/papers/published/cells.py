@@ -4,8 +4,10 @@
 from dataclasses import dataclass, field
 from typing import Any
 
+from slambed.metrics.catalog import SUMMARY_KEYS, metric
 from slambed.papers.published.claims import Claim
 from slambed.papers.published.comparability import Comparability
+from slambed.papers.published.mapping import PaperMetric
 from slambed.papers.published.paper import Paper
 from slambed.papers.published.published_tables import PublishedTable, Row, Value
 
@@ -92,6 +94,15 @@ def _of_row(table: PublishedTable, name: str, row: Row, column: str, value: Valu
     )
 
 
+def _unit_of(mapped: PaperMetric | None) -> str:
+    """Returns the unit of a paper's metric, as far as that of ours says it."""
+    if mapped is None or mapped.key not in SUMMARY_KEYS:
+        return ""
+    if mapped.statistic == "share" and mapped.scale == 100:
+        return "%"
+    return metric(mapped.key).unit if mapped.scale == 1 else ""
+
+
 def _of_figures(paper: Paper) -> list[PublishedCell]:
     found = []
     for figure in paper.figures:
@@ -105,7 +116,7 @@ def _of_figures(paper: Paper) -> list[PublishedCell]:
                         row=series.label,
                         column=f"{series.along} {at}",
                         metric=series.metric,
-                        unit="",
+                        unit=_unit_of(paper.metrics.get(series.metric)),
                         value=None if value is None else float(value),
                         resolution=resolution_of(value),
                         system=series.system,
