@@ -323,8 +323,7 @@ def wants_maps(experiment: Experiment) -> bool:
 
 
 def _of_dataset(error: SlambedError, source: YamlSource, index: int) -> SlambedError:
-    line = source.line_of(("datasets", index))
-    return SlambedError(f"{error} ({source.path} line {line})", error.code)
+    return SlambedError(f"{error} ({source.place_of(('datasets', index))})", error.code)
 
 
 def _check_sensor(

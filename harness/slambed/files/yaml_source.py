@@ -52,23 +52,27 @@ class MisplacedError(ValueError):
 
 @dataclass(frozen=True)
 class YamlSource:
-    """A parsed YAML file: its data, and the line (from 1) of each key and list entry."""
+    """A parsed YAML file: its data, and where each key and list entry is written."""
 
     path: Path
     data: Any
-    lines: dict[Location, int] = field(repr=False)
+    lines: dict[Location, int | str] = field(repr=False)
+    """Line (from 1), or the option of the command line that replaced it: `--set KEY=VALUE`."""
 
-    def line_of(self, location: Location) -> int:
-        """Returns the line of the deepest part of `location` that is written in the file."""
+    def place_of(self, location: Location) -> str:
+        """Returns where the deepest part of `location` is written, in words."""
+        written: int | str = 1
         for length in range(len(location), 0, -1):
-            if (line := self.lines.get(location[:length])) is not None:
-                return line
-        return 1
+            if (found := self.lines.get(location[:length])) is not None:
+                written = found
+                break
+        return written if isinstance(written, str) else f"{self.path} line {written}"
 
     def complaint(self, what: str, location: Location = (), advice: str = "") -> SlambedError:
         """Returns an error of the form `what, where; advice`, like every error of slambed."""
-        place = f"{self.path} line {self.line_of(location)}"
-        return SlambedError(f"{what}, {place}" + (f"; {advice}" if advice else ""))
+        return SlambedError(
+            f"{what}, {self.place_of(location)}" + (f"; {advice}" if advice else "")
+        )
 
 
 def load_yaml(path: Path) -> YamlSource:
@@ -90,7 +94,7 @@ def _text(path: Path) -> str:
         raise SlambedError(f"cannot read {path}: {error}") from None
 
 
-def _parsed(text: str, where: str) -> tuple[Any, dict[Location, int]]:
+def _parsed(text: str, where: str) -> tuple[Any, dict[Location, int | str]]:
     """Returns the data, and the line of each key and list entry."""
     try:
         return with_parser(lambda parser: _read(parser(text), where))
@@ -99,8 +103,8 @@ def _parsed(text: str, where: str) -> tuple[Any, dict[Location, int]]:
         raise SlambedError(f"not YAML: {problem}, {where} line {line}") from None
 
 
-def _read(loader: yaml.SafeLoader, where: str) -> tuple[Any, dict[Location, int]]:
-    lines: dict[Location, int] = {}
+def _read(loader: yaml.SafeLoader, where: str) -> tuple[Any, dict[Location, int | str]]:
+    lines: dict[Location, int | str] = {}
     try:
         root = loader.get_single_node()
         data = None if root is None else _construct(loader, root, (), lines, where)
@@ -113,7 +117,7 @@ def _construct(
     loader: yaml.SafeLoader,
     node: yaml.Node,
     location: Location,
-    lines: dict[Location, int],
+    lines: dict[Location, int | str],
     where: str,
 ) -> Any:
     lines.setdefault(location, node.start_mark.line + 1)

@@ -46,10 +46,10 @@ def update_round_tables(results: Results) -> list[Table]:
         )
     caption = (
         "Parts of a map update round in ms, mean ± standard deviation over the accepted updates of "
-        "all runs together (updates: how many; one has no deviation). A keyframe is made (T_Track), travels to the edge "
-        "(T_M->E), is read (T_RKF) and mapped (T_LM); the update is due (T_Wait: pacing), is made "
-        "(T_PLMU), travels back (T_E->M) and is applied (T_MU). T_Computed is T_Total without "
-        "T_Wait; gap: keyframes that the local map loses by an update"
+        "all runs together (updates: how many; one has no deviation). A keyframe is made "
+        "(T_Track), travels to the edge (T_M->E), is read (T_RKF) and mapped (T_LM); the update is "
+        "due (T_Wait: pacing), is made (T_PLMU), travels back (T_E->M) and is applied (T_MU). "
+        "T_Computed is T_Total without T_Wait; gap: keyframes that the local map loses by an update"
         + (f"; {part}" if (part := from_part(kept, offloaded)) else "")
         + (f"; {datasets[0]}" if one else "")
     )

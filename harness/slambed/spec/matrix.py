@@ -27,7 +27,7 @@ from slambed.spec.library import Library
 from slambed.spec.masks import Masks, MasksAsked
 from slambed.spec.recorded_part import RecordedPart
 from slambed.spec.run_spec import LinkSpec, RunSpec
-from slambed.spec.system import Scalar, System
+from slambed.spec.system import ParameterError, Scalar, System
 from slambed.suggestion import suggestion
 
 END_SLACK_S = 1.0
@@ -89,7 +89,7 @@ def read_profiles(
     profiles: list[NamedProfile] = []
     for index, item in enumerate(experiment.link.profiles):
         place = ("link", "profiles", index)
-        where = f"{source.path} line {source.line_of(place)}"
+        where = source.place_of(place)
         profile = reader(item, where, source.path.parent)
         if profile.name in {p.name for p in profiles}:
             raise source.complaint(f"profile '{profile.name}' is given twice", place)
@@ -140,6 +140,8 @@ def expand(
             digests = {name: inputs.sha256_of(path) for name, path in files.items()}
             if board is not None:
                 must_go_to_board(system, params, board)
+        except ParameterError as error:
+            raise source.complaint(str(error), (*place, "params", error.name)) from None
         except SlambedError as error:
             raise source.complaint(str(error), place) from None
         if system.has_edge and experiment.link is None:

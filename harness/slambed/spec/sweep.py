@@ -61,7 +61,7 @@ def changed(source: YamlSource, settings: list[str]) -> YamlSource:
     `params.<name>` of every system. Raises SlambedError for malformed settings."""
     if not settings or not isinstance(source.data, dict):
         return source
-    data = deepcopy(source.data)
+    data, lines = deepcopy(source.data), dict(source.lines)
     for setting in settings:
         key, equals, text = setting.partition("=")
         if not equals or not key:
@@ -71,11 +71,15 @@ def changed(source: YamlSource, settings: list[str]) -> YamlSource:
         value = value_of(text, f"--set {setting}")
         entries = data.get(SYSTEMS)
         if key.startswith(PARAMS) and isinstance(entries, list):
-            for entry in (e for e in entries if isinstance(e, dict)):
-                entry["params"] = {**(entry.get("params") or {}), key.removeprefix(PARAMS): value}
+            name = key.removeprefix(PARAMS)
+            for index, entry in enumerate(entries):
+                if isinstance(entry, dict):
+                    entry["params"] = {**(entry.get("params") or {}), name: value}
+                    _write_at(lines, (SYSTEMS, index, "params", name), setting)
         else:
             _put(data, key.split("."), value, setting)
-    return YamlSource(source.path, data, source.lines)
+            _write_at(lines, tuple(key.split(".")), setting)
+    return YamlSource(source.path, data, lines)
 
 
 def _has_grid(item: Any) -> bool:
@@ -150,7 +154,15 @@ def _put(data: dict[str, Any], path: list[str], value: Any, setting: str) -> Non
     data[path[-1]] = value
 
 
-def _lines_below(source: YamlSource, old: Location, new: Location) -> dict[Location, int]:
+def _write_at(lines: dict[Location, int | str], path: Location, setting: str) -> None:
+    """Notes that this option and no line of the file has what is at `path`."""
+    for place in [place for place in lines if place[: len(path)] == path]:
+        del lines[place]
+    for length in range(1, len(path) + 1):
+        lines.setdefault(path[:length], f"--set {setting}")
+
+
+def _lines_below(source: YamlSource, old: Location, new: Location) -> dict[Location, int | str]:
     """Returns the lines below `old` as those below `new`, so that complaints about what is made of
     an entry name the line that was written. Those of a grid, which is gone, are left out."""
     return {

@@ -89,6 +89,14 @@ class Parameter(BaseModel):
         return value
 
 
+class ParameterError(SlambedError):
+    """A parameter that an experiment gives to a system is unknown, or its value is not legal."""
+
+    def __init__(self, message: str, name: str) -> None:
+        super().__init__(message)
+        self.name = name
+
+
 class OwnMetric(BaseModel):
     """A metric that a system defines from its own events; it appears in summary.json of the
     system's runs."""
@@ -264,8 +272,10 @@ class System(BaseModel):
     def _checked(self, name: str, value: object) -> Scalar:
         if name not in self.params:
             known = suggestion(name, self.params) or "it has none"
-            raise SlambedError(f"unknown parameter '{name}' of system {self.name}; {known}")
+            message = f"unknown parameter '{name}' of system {self.name}; {known}"
+            raise ParameterError(message, name)
         try:
             return self.params[name].check(value)
         except ValueError as error:
-            raise SlambedError(f"parameter '{name}' of system {self.name}: {error}") from None
+            message = f"parameter '{name}' of system {self.name}: {error}"
+            raise ParameterError(message, name) from None

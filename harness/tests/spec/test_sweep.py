@@ -7,6 +7,7 @@ from typing import Any
 
 import pytest
 import yaml
+from command_line import refused
 
 from slambed.campaign.run_plan import chosen, preview
 from slambed.campaign.store import RunStore
@@ -240,6 +241,26 @@ def test_a_system_of_a_grid_has_the_lines_of_its_entry_alone(tmp_path: Path) -> 
     assert len(source.data["systems"]) == len(values) + 1
     below = [place for place in source.lines if place[:1] == ("systems",)]
     assert len(below) == 1 + 2 * len(values) + 3  # `systems`, two of each point, three of `after`
-    assert source.line_of(("systems", 700, "params", "n_orb")) == source.line_of(("systems", 0))
+    assert source.place_of(("systems", 700, "params", "n_orb")) == source.place_of(("systems", 0))
     text = Path(name).read_text().splitlines()
-    assert "variant: static" in text[source.line_of(("systems", 1000, "variant")) - 1]
+    line = int(source.place_of(("systems", 1000, "variant")).rpartition("line ")[2])
+    assert "variant: static" in text[line - 1]
+
+
+@pytest.mark.parametrize(
+    ("setting", "what"),
+    [
+        ("runs.defalt=3", "unknown key 'defalt'"),
+        ("params.n_obr=750", "unknown parameter 'n_obr'"),
+        ("params.n_orb=1", "1 is below the minimum 50"),
+        ("link.profiles=[nope]", "unknown profile 'nope'"),
+    ],
+)
+def test_a_mistake_in_a_setting_names_it_and_no_line(
+    tmp_path: Path, setting: str, what: str
+) -> None:
+    """Also where a grid makes several systems of the one that it changes."""
+    system = {"system": "orbslam2", "grid": {"params.loop_closing": [True, False]}}
+    name = experiment_file(tmp_path, systems=[system], link={"profiles": ["none"]})
+    err = refused(2, "run", name, "--check", "--set", setting)
+    assert what in err and f"--set {setting}" in err and " line " not in err
