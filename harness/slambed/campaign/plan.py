@@ -204,6 +204,17 @@ def remarks_on(profiles: list[NamedProfile], longest_s: float = math.inf) -> lis
     return assumed_of_files + too_long + too_late
 
 
+def unplayed(experiment: Experiment, profiles: list[NamedProfile]) -> list[str]:
+    """Returns a remark on profiles that every system's own list leaves out."""
+    if any(choice.profiles is None for choice in experiment.systems):
+        return []
+    played = {name for choice in experiment.systems for name in choice.profiles or ()}
+    left_out = [profile.name for profile in profiles if profile.name not in played]
+    if not left_out:
+        return []
+    return [f"no system plays {', '.join(left_out)} of link.profiles: each has profiles of its own"]
+
+
 def at_host_pace(specs: list[RunSpec]) -> list[str]:
     """Returns a remark for live runs of our systems whose stages take less than on their device."""
     boards = dict.fromkeys(
@@ -429,7 +440,8 @@ def make_plan(
     )
     specs = expand(experiment, source, library, profiles, circumstances, count)
     remarks = (
-        _end_before_end_s(experiment, sequences, names)
+        unplayed(experiment, profiles)
+        + _end_before_end_s(experiment, sequences, names)
         + remarks_on(profiles, max(played_s.values()))
         + at_host_pace(specs)
     )

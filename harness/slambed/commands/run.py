@@ -113,7 +113,8 @@ def run(
         asked = others[0].engine if others else engine or found.engine
         profiles = plan.check(found, source, library, asked)
         typer.echo(f"{source.path}: good")
-        for line in plan.notes(found, library) + plan.remarks_on(profiles):
+        remarks = plan.unplayed(found, profiles) + plan.remarks_on(profiles)
+        for line in plan.notes(found, library) + remarks:
             typer.echo(f"note: {line}")
         if others:
             typer.echo(f"engine: {asked}; not checked here, because the hosts of --hosts play")

@@ -20,7 +20,7 @@ from slambed.campaign import datasets
 from slambed.campaign import plan as planning
 from slambed.campaign.datasets import prepare_sequence
 from slambed.campaign.order import interleaved
-from slambed.campaign.plan import Plan, at_host_pace, make_plan, remarks_on, repetitions
+from slambed.campaign.plan import Plan, at_host_pace, make_plan, remarks_on, repetitions, unplayed
 from slambed.data import places
 from slambed.data.recipe import DatasetPlayback
 from slambed.errors import ExitCode, SlambedError
@@ -44,6 +44,27 @@ def test_outages_after_the_end_of_the_runs_are_said() -> None:
     (line,) = remarks_on([late], 12.0)
     assert line == "profile hall: its outages begin after the end of a run, at 12 s"
     assert not remarks_on([late], 20.5) and not remarks_on([late])
+
+
+def test_profiles_that_no_system_plays_are_said(tmp_path: Path) -> None:
+    own = {"system": "edgeslam", "variant": "static", "profiles": ["none"]}
+    head = {
+        "id": "x",
+        "title": "X",
+        "datasets": ["synthetic_room"],
+        "link": {"profiles": ["none", 20]},
+    }
+    path = tmp_path / "x.yaml"
+
+    def remarks(*systems: dict[str, object]) -> list[str]:
+        path.write_text(json.dumps({**head, "systems": systems}))
+        library = Library()
+        experiment, source = library.experiment(str(path))
+        return unplayed(experiment, planning.check(experiment, source, library))
+
+    (line,) = remarks(own)
+    assert line.startswith("no system plays rtt_20 of link.profiles")
+    assert not remarks(own, {"system": "edgeslam", "variant": "conventional"})
 
 
 def test_live_runs_at_the_pace_of_this_machine_are_said() -> None:
