@@ -16,16 +16,18 @@ def messages_of(events: pd.DataFrame) -> pd.DataFrame:
         columns=["channel", "direction", "message", "sequence", "bytes", "queued_ns", "sent_ns",
                  "received_ns", "dropped"]
     )  # fmt: skip
-    queued, sent, received = (
-        pd.to_numeric(found[f"{when}_ns"]) for when in ("queued", "sent", "received")
+    # Another program's events may have anything where a number belongs.
+    queued, sent, received, sequence, size = (
+        pd.to_numeric(found[name], errors="coerce")
+        for name in ("queued_ns", "sent_ns", "received_ns", "sequence", "bytes")
     )
     table = pd.DataFrame(
         {
             "channel": found["channel"],
             "direction": found["direction"],
             "message": found["message"],
-            "sequence": found["sequence"].astype("Int64"),
-            "bytes": found["bytes"].astype("Int64"),
+            "sequence": sequence.where(sequence % 1 == 0).astype("Int64"),
+            "bytes": size.where(size % 1 == 0).astype("Int64"),
             "queued_s": queued / NS_PER_S,
             "sent_s": sent / NS_PER_S,
             "received_s": received / NS_PER_S,

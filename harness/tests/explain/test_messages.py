@@ -44,6 +44,17 @@ def test_a_row_per_message_in_the_order_of_sending() -> None:
     assert last["dropped"] and pd.isna(last["sent_s"]) and pd.isna(last["under_way_ms"])
 
 
+def test_what_is_no_number_is_left_empty() -> None:
+    """As another program may write it."""
+    run = log_of(
+        message(1, 100),
+        {**message(2, 200), "sequence": "two", "bytes": "many", "received_ns": "soon"},
+    )
+    row = messages_of(run.of("message")).iloc[1]
+    assert row[["sequence", "bytes", "received_s", "under_way_ms"]].isna().all()
+    assert row["sent_s"] == pytest.approx(0.202)
+
+
 def test_dropped_messages_are_told_with_the_queue_that_was_full() -> None:
     run = log_of(
         message(1, 100),
