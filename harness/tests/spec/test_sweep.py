@@ -250,7 +250,7 @@ def test_a_system_of_a_grid_has_the_lines_of_its_entry_alone(tmp_path: Path) -> 
 @pytest.mark.parametrize(
     ("setting", "what"),
     [
-        ("runs.defalt=3", "unknown key 'defalt'"),
+        ("runs.usual=3", "unknown key 'usual'"),
         ("params.n_obr=750", "unknown parameter 'n_obr'"),
         ("params.n_orb=1", "1 is below the minimum 50"),
         ("link.profiles=[nope]", "unknown profile 'nope'"),
