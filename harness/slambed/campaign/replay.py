@@ -31,7 +31,10 @@ NOT_COMPARED = ("manifest.json", "log.txt")
 """Files that say when and where a run was played, and with which command."""
 RUN_BY = "experiment"
 """Key of summary.json that is not compared: of several experiments with a run, the first one."""
-NOT_PLANNED = "its experiment plans no such run here: other settings or inputs"
+NOT_PLANNED = (
+    "its experiment plans no such run here: other settings or inputs, such as a recording that is "
+    "not here"
+)
 LAST_DIGITS = 1e-9
 """Relative difference up to which numbers of a summary count as equal. Processors differ in the
 last digits of accuracies (docs/explanation/virtual-time.md)."""
