@@ -56,14 +56,14 @@ class YamlSource:
 
     path: Path
     data: Any
-    lines: dict[Location, int | str] = field(repr=False)
+    written_at: dict[Location, int | str] = field(repr=False)
     """Line (from 1), or the option of the command line that replaced it: `--set KEY=VALUE`."""
 
     def place_of(self, location: Location) -> str:
         """Returns where the deepest part of `location` is written, in words."""
         written: int | str = 1
         for length in range(len(location), 0, -1):
-            if (found := self.lines.get(location[:length])) is not None:
+            if (found := self.written_at.get(location[:length])) is not None:
                 written = found
                 break
         return written if isinstance(written, str) else f"{self.path} line {written}"
@@ -104,23 +104,23 @@ def _parsed(text: str, where: str) -> tuple[Any, dict[Location, int | str]]:
 
 
 def _read(loader: yaml.SafeLoader, where: str) -> tuple[Any, dict[Location, int | str]]:
-    lines: dict[Location, int | str] = {}
+    written_at: dict[Location, int | str] = {}
     try:
         root = loader.get_single_node()
-        data = None if root is None else _construct(loader, root, (), lines, where)
+        data = None if root is None else _construct(loader, root, (), written_at, where)
     finally:
         loader.dispose()
-    return data, lines
+    return data, written_at
 
 
 def _construct(
     loader: yaml.SafeLoader,
     node: yaml.Node,
     location: Location,
-    lines: dict[Location, int | str],
+    written_at: dict[Location, int | str],
     where: str,
 ) -> Any:
-    lines.setdefault(location, node.start_mark.line + 1)
+    written_at.setdefault(location, node.start_mark.line + 1)
     if isinstance(node, yaml.MappingNode):
         loader.flatten_mapping(node)  # puts what `<<` merges before the mapping's own keys
         mapping: dict[str | int | float, Any] = {}
@@ -130,12 +130,12 @@ def _construct(
             if not isinstance(key, str | int | float) or isinstance(key, bool):
                 # YAML 1.1 reads an unquoted `on` or `no` as true/false.
                 raise SlambedError(f"a key is {_key_in_words(key)}, {where} line {line}")
-            lines[(*location, key)] = line
-            mapping[key] = _construct(loader, value_node, (*location, key), lines, where)
+            written_at[(*location, key)] = line
+            mapping[key] = _construct(loader, value_node, (*location, key), written_at, where)
         return mapping
     if isinstance(node, yaml.SequenceNode):
         return [
-            _construct(loader, child, (*location, index), lines, where)
+            _construct(loader, child, (*location, index), written_at, where)
             for index, child in enumerate(node.value)
         ]
     value = loader.construct_object(node)
@@ -206,7 +206,7 @@ def _written(source: YamlSource, location: Location, open_end: bool) -> Location
     kept: Location = ()
     for index, part in enumerate(location):
         last = index == len(location) - 1
-        if (*kept, part) in source.lines or (last and open_end):
+        if (*kept, part) in source.written_at or (last and open_end):
             kept = (*kept, part)
     return kept
 

@@ -135,12 +135,15 @@ class ProfileReader:
         mapping = self.only(data, list(model.model_fields), place)
         if "of" not in mapping:
             raise self.complaint("key 'of' is missing", place, "give the curve to work on")
-        known = len(self.recorded)
+        known, earlier = len(self.recorded), len(self.silences)
         inner = self.curve(mapping["of"], f"{place}.of")
         if not model.plays_on:
             del self.recorded[known:]
-        wrapped: Curve = self.model(model, {**mapping, "of": inner}, place)  # type: ignore[assignment]
-        return wrapped
+        wrapped = self.model(model, {**mapping, "of": inner}, place)
+        if isinstance(wrapped, curves.Delayed):
+            self.silences[earlier:] = [s.later(wrapped.by_s) for s in self.silences[earlier:]]
+        found: Curve = wrapped  # type: ignore[assignment]
+        return found
 
     def pin_traces(self, data: Any) -> Any:
         """Returns `data` with the digest of every trace file added, so that it identifies its

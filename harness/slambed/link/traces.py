@@ -7,7 +7,7 @@ import math
 import re
 from collections.abc import Mapping
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any, Literal
@@ -153,6 +153,10 @@ class Silence:
     """Run time."""
     end_s: float
     remark: str
+
+    def later(self, by_s: float) -> "Silence":
+        """Returns the same silence of a recording that begins `by_s` later."""
+        return replace(self, begin_s=self.begin_s + by_s, end_s=self.end_s + by_s)
 
 
 @dataclass(frozen=True)

@@ -221,8 +221,9 @@ class JudgedOrdering:
         return f"{reported} {unit}".strip() + more
 
     def _ends(self, chain: Chain, ours: bool) -> tuple[str, str]:
-        """Returns both ends of a chain, and their unit."""
+        """Returns both ends of a chain, and the unit to write behind them."""
         ends = [chain[0], chain[-1]]
+        unit = ends[0][0].unit
         if ours:
             texts = [_value(m) for _, m in ends]
             numbers = [_number(m) for _, m in ends]
@@ -231,13 +232,15 @@ class JudgedOrdering:
             numbers = [c.value for c, _ in ends]
         if set(texts) == {NO_NUMBER}:
             return IN_WORDS, ""
+        if texts[-1] == NO_NUMBER:
+            texts[0], unit = f"{texts[0]} {unit}".strip(), ""
         between = " → " if len(chain) > 2 else f" {_relation(*numbers)} "
         names = _names(ends[0][0], ends[1][0], self.systems, self.ignored)
         message = between.join(
             f"{name}: {text}" if name else text for name, text in zip(names, texts, strict=True)
         )
         counts = ours and any(m.there and m.is_share for _, m in ends)
-        return message, "runs" if counts else ends[0][0].unit  # 11/100 is no percentage
+        return message, "runs" if counts else unit  # 11/100 is no percentage
 
     def _where(self, chain: Chain) -> str:
         """Returns the sequence, and what else both ends share but other pairs do not."""

@@ -33,4 +33,4 @@ def with_shared_params(source: YamlSource) -> YamlSource:
         change = own.get(name, {})
         params[name] = {**fields, **change} if isinstance(change, dict) else change
     found = {key: value for key, value in data.items() if key != KEY} | {"params": params}
-    return YamlSource(source.path, found, source.lines)
+    return YamlSource(source.path, found, source.written_at)

@@ -33,9 +33,9 @@ def swept(source: YamlSource) -> YamlSource:
     if not isinstance(data, dict) or not any(_has_grid(item) for item in (data, *entries)):
         return source
     found = {key: value for key, value in data.items() if key != GRID}
-    lines = {
-        place: line
-        for place, line in source.lines.items()
+    written_at = {
+        place: written
+        for place, written in source.written_at.items()
         if place[:1] != (SYSTEMS,) or len(place) == 1
     }
     grid = _checked(source, data[GRID], (GRID,), RTT) if GRID in data else {}
@@ -44,16 +44,16 @@ def swept(source: YamlSource) -> YamlSource:
         if not isinstance(link, dict) or "profiles" in link:
             raise source.complaint(f"{RTT} of a grid and link.profiles are two links", (GRID, RTT))
         found["link"] = {**link, "profiles": grid.pop(RTT)}
-        lines |= _lines_below(source, (GRID, RTT), ("link", "profiles"))
+        written_at |= _places_below(source, (GRID, RTT), ("link", "profiles"))
     if entries:
         found[SYSTEMS] = []
     for index, entry in enumerate(entries):
-        of_entry = _lines_below(source, (SYSTEMS, index), ())
+        of_entry = _places_below(source, (SYSTEMS, index), ())
         for made in _points(source, index, entry, grid):
             at = (SYSTEMS, len(found[SYSTEMS]))
-            lines |= {(*at, *place): line for place, line in of_entry.items()}
+            written_at |= {(*at, *place): written for place, written in of_entry.items()}
             found[SYSTEMS].append(made)
-    return YamlSource(source.path, found, lines)
+    return YamlSource(source.path, found, written_at)
 
 
 def changed(source: YamlSource, settings: list[str]) -> YamlSource:
@@ -61,7 +61,7 @@ def changed(source: YamlSource, settings: list[str]) -> YamlSource:
     `params.<name>` of every system. Raises SlambedError for malformed settings."""
     if not settings or not isinstance(source.data, dict):
         return source
-    data, lines = deepcopy(source.data), dict(source.lines)
+    data, written_at = deepcopy(source.data), dict(source.written_at)
     for setting in settings:
         key, equals, text = setting.partition("=")
         if not equals or not key:
@@ -75,11 +75,11 @@ def changed(source: YamlSource, settings: list[str]) -> YamlSource:
             for index, entry in enumerate(entries):
                 if isinstance(entry, dict):
                     entry["params"] = {**(entry.get("params") or {}), name: value}
-                    _write_at(lines, (SYSTEMS, index, "params", name), setting)
+                    _write_at(written_at, (SYSTEMS, index, "params", name), setting)
         else:
             _put(data, key.split("."), value, setting)
-            _write_at(lines, tuple(key.split(".")), setting)
-    return YamlSource(source.path, data, lines)
+            _write_at(written_at, tuple(key.split(".")), setting)
+    return YamlSource(source.path, data, written_at)
 
 
 def _has_grid(item: Any) -> bool:
@@ -154,19 +154,20 @@ def _put(data: dict[str, Any], path: list[str], value: Any, setting: str) -> Non
     data[path[-1]] = value
 
 
-def _write_at(lines: dict[Location, int | str], path: Location, setting: str) -> None:
+def _write_at(written_at: dict[Location, int | str], path: Location, setting: str) -> None:
     """Notes that this option and no line of the file has what is at `path`."""
-    for place in [place for place in lines if place[: len(path)] == path]:
-        del lines[place]
+    for place in [place for place in written_at if place[: len(path)] == path]:
+        del written_at[place]
     for length in range(1, len(path) + 1):
-        lines.setdefault(path[:length], f"--set {setting}")
+        written_at.setdefault(path[:length], f"--set {setting}")
 
 
-def _lines_below(source: YamlSource, old: Location, new: Location) -> dict[Location, int | str]:
-    """Returns the lines below `old` as those below `new`, so that complaints about what is made of
-    an entry name the line that was written. Those of a grid, which is gone, are left out."""
+def _places_below(source: YamlSource, old: Location, new: Location) -> dict[Location, int | str]:
+    """Returns what is written below `old` as if below `new`, so that complaints about what is made
+    of an entry name the line or option that was written. Those of a grid, which is gone, are left
+    out."""
     return {
-        (*new, *place[len(old) :]): line
-        for place, line in source.lines.items()
+        (*new, *place[len(old) :]): written
+        for place, written in source.written_at.items()
         if place[: len(old)] == old and place[len(old) : len(old) + 1] != (GRID,)
     }

@@ -389,6 +389,10 @@ def test_what_may_not_be_meant_is_a_remark(tmp_path: Path) -> None:
     }
     elsewhere = {"gaps": [{"start_s": 0.2, "length_s": 0.5}, {"start_s": 7, "length_s": 1}]}
     assert parse_profile({**written, **elsewhere}, "x", tmp_path).remarks == said
+    late = {"rtt_ms": {"delayed": {"by_s": 10, "of": written["rtt_ms"]}}}
+    assert parse_profile({**late, **cut}, "x", tmp_path).remarks == said
+    at_its_time = {"gaps": [{"start_s": 12.5, "length_s": 3}]}
+    assert len(parse_profile({**late, **at_its_time}, "x", tmp_path).remarks) == len(said) - 1
     small = trace(tmp_path, "time_s,rtt_ms\n0,0.02\n0.5,0.03\n1,0.022\n")
     (remark,) = small.remarks
     assert "its RTT is 0.022 ms in the median; give rtt_unit" in remark

@@ -190,6 +190,9 @@ def test_the_pair_that_decides_is_shown_with_who_is_who(dynnetslam: Paper) -> No
     printed = f"{PAPER_ENHANCED[3]:g} < conventional Edge-SLAM: {PAPER_CONVENTIONAL[3]:g} %"
     assert printed in pairs.values(ours=False)
     assert " → " in found["dynnet.O04"].values(ours=True)
+    # A unit stands behind a number.
+    alone = found["dynnet.O17"].values(ours=False)
+    assert ": 0 % to ORB-SLAM2" in alone and alone.endswith(": not printed")
     # The number of runs of a table does not distinguish systems.
     assert not any("runs 100" in o.values(ours=False) for o in column.orderings)
 

@@ -239,7 +239,7 @@ def test_a_system_of_a_grid_has_the_lines_of_its_entry_alone(tmp_path: Path) -> 
     name = experiment_file(tmp_path, systems=[system, after], link={"profiles": ["none"]})
     source = swept(load_yaml(Path(name)))
     assert len(source.data["systems"]) == len(values) + 1
-    below = [place for place in source.lines if place[:1] == ("systems",)]
+    below = [place for place in source.written_at if place[:1] == ("systems",)]
     assert len(below) == 1 + 2 * len(values) + 3  # `systems`, two of each point, three of `after`
     assert source.place_of(("systems", 700, "params", "n_orb")) == source.place_of(("systems", 0))
     text = Path(name).read_text().splitlines()
