@@ -33,12 +33,16 @@ SlurmOption = Annotated[
 PictureOption = Annotated[
     Path | None,
     typer.Option(
-        "--output", help=".png, .svg or .pdf to write; default: in the cache, its path is printed."
+        "-o",
+        "--output",
+        help=".png, .svg or .pdf to write; default: in the cache, its path is printed.",
     ),
 ]
 SheetOption = Annotated[
     Path | None,
-    typer.Option("--output", help=".png to write; default: in the cache, its path is printed."),
+    typer.Option(
+        "-o", "--output", help=".png to write; default: in the cache, its path is printed."
+    ),
 ]
 
 

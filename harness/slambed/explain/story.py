@@ -112,7 +112,10 @@ def _updates(run: RunLog) -> list[str]:
         newer = _count(int(gaps.sum()), "newer keyframe")
         gap = f", {newer} missing from {of_them}" if len(gaps) else ""
         mean_ms = applied["t_mu_ms"].mean()
-        lines.append(f"{_count(len(applied), 'map update')} applied, T_MU {mean_ms:.0f} ms{gap}")
+        asked = int(applied.get("relocalization", pd.Series(dtype=bool)).fillna(False).sum())
+        among = f" ({asked} of {of_them} for a relocalization)" if asked else ""
+        count = _count(len(applied), "map update")
+        lines.append(f"{count} applied{among}, T_MU {mean_ms:.0f} ms{gap}")
     for kind, what in (("update_declined", "map update"), ("keyframe_declined", "keyframe")):
         declined = run.of(kind)
         for reason, count in declined["reason"].value_counts().items():

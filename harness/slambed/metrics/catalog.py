@@ -378,9 +378,9 @@ METRICS: tuple[Metric, ...] = (
         "data rate, both directions", "Mbit/s", digits=2, relevant_step=0.1),
     Count("link_stalls", "how often a channel had bytes under way of which none was acknowledged "
           "for 1 s", link_stalls, "stalls of the link"),
-    Count("updates_applied", "map updates that tracking took over",
+    Count("updates_applied", "map updates that tracking took over, and maps for relocalization",
           lambda run: len(run.log.of("update_applied")) if run.has_edge else None,
-          "map updates applied"),
+          "map updates and relocalization maps applied"),
     Count("updates_declined", "map updates that it did not",
           lambda run: len(run.log.of("update_declined")) if run.has_edge else None,
           "map updates declined"),

@@ -143,12 +143,11 @@ def power_hint(runs: int, share: float = 0.03) -> str:
         return "One run per combination shows nothing about differences."
     least = smallest_distinguishable_share(share, runs)
     if least is None:
-        return (
-            f"With {runs} runs a side no single test of unpaired runs shows a difference of losses."
-        )
+        words = "a test of unpaired runs cannot show a difference in track losses"
+        return f"With {runs} runs a side, {words}."
     return (
-        f"A single test of {runs} unpaired runs a side distinguishes {share:.0%} of losses from "
-        f"{least:.0%} or more (80 % power, 5 % level)."
+        f"A single test of {runs} unpaired runs a side distinguishes {share:.0%} of runs with a "
+        f"track loss from {least:.0%} or more (80 % power, 5 % level)."
     )
 
 

@@ -122,6 +122,11 @@ def test_keyframes_that_an_update_lacks_are_not_lost_by_the_link(
         for i, count in enumerate(missing)
     ]
     assert line in story(log_of(*events))
+    events[0]["relocalization"] = True
+    count, rest = line.split(" applied, ")
+    of_them = line.rsplit(" ", 1)[1]
+    among = f"(1 of {of_them} for a relocalization)"
+    assert f"{count} applied {among}, {rest}" in story(log_of(*events))
 
 
 def test_a_stall_of_the_link_is_reported_with_its_end() -> None:

@@ -111,7 +111,8 @@ def test_holm_keeps_order_and_bounds() -> None:
 def test_thirty_runs_distinguish_3_from_36_percent() -> None:
     assert power_of_shares(0.03, 0.36, 30) > 0.8
     assert power_of_shares(0.03, 0.36, 10) < 0.5
-    assert "test of 30 unpaired runs a side distinguishes 3% of losses" in power_hint(30)
+    hint = power_hint(30)
+    assert "30 unpaired runs a side distinguishes 3% of runs with a track loss from" in hint
     assert "nothing" in power_hint(1)
 
 
