@@ -11,7 +11,7 @@ from itertools import product
 from typing import Any
 
 from slambed.errors import SlambedError
-from slambed.files.yaml_source import Location, YamlSource, value_of
+from slambed.files.yaml_source import Location, YamlSource, in_words, value_of
 from slambed.suggestion import suggestion
 
 SYSTEMS = "systems"
@@ -99,7 +99,9 @@ def _checked(source: YamlSource, grid: Any, at: Location, *further: str) -> dict
         if not isinstance(values, list) or not values:
             raise source.complaint(f"'{key}' of a grid is a list of values", place)
         if any(isinstance(value, dict | list) or value is None for value in values):
-            raise source.complaint(f"'{key}' of a grid has plain values", place)
+            changes = "give a changed device its own entry of systems, with devices"
+            advice = changes if name.startswith("devices.") else ""
+            raise source.complaint(f"'{key}' of a grid has plain values", place, advice)
         if len({str(value) for value in values}) < len(values):
             raise source.complaint(f"'{key}' of a grid has a value twice", place)
     return dict(grid)
@@ -147,11 +149,17 @@ def _at(source: YamlSource, index: int, entry: dict[str, Any], point: dict[str, 
 
 
 def _put(data: dict[str, Any], path: list[str], value: Any, setting: str) -> None:
-    for part in path[:-1]:
-        data = data.setdefault(part, {})
-        if not isinstance(data, dict):
-            raise SlambedError(f"--set {setting}: '{part}' of the experiment has no keys")
-    data[path[-1]] = value
+    inside: Any = data
+    for depth, part in enumerate(path[:-1], 1):
+        inside = inside.setdefault(part, {})
+        if not isinstance(inside, dict):
+            whole, key = ".".join(path[:depth]), ".".join(path[depth:])
+            same = f"device: {inside}, name: NAME, " if path[0] == "devices" else ""
+            raise SlambedError(
+                f"--set {setting}: {whole} is {in_words(inside)} and has no keys; write "
+                f"--set '{whole}={{{same}{key}: {setting.partition('=')[2]}}}'"
+            )
+    inside[path[-1]] = value
 
 
 def _write_at(written_at: dict[Location, int | str], path: Location, setting: str) -> None:

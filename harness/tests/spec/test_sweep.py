@@ -188,6 +188,7 @@ def test_what_is_set_goes_before_the_file(tmp_path: Path) -> None:
         ({"params.n_orb": 500}, "is a list"),
         ({"params.n_orb": [500, 500]}, "a value twice"),
         ({"params.n_orb": [[500]]}, "plain values"),
+        ({"devices.mobile": [{"speed": 0.5}]}, "its own entry of systems, with devices"),
         ({"variant": ["static"]}, "in the grid and here"),
         ({"link.rtt_ms": [0]}, "two links"),
         ({"params.n_orbs": [500]}, "n_orb"),
@@ -264,3 +265,16 @@ def test_a_mistake_in_a_setting_names_it_and_no_line(
     name = experiment_file(tmp_path, systems=[system], link={"profiles": ["none"]})
     err = refused(2, "run", name, "--check", "--set", setting)
     assert what in err and f"--set {setting}" in err and " line " not in err
+
+
+def test_a_key_of_a_named_device_is_set_with_the_whole_device(tmp_path: Path) -> None:
+    devices = {"mobile": "raspberry_pi_4"}
+    link = {"profiles": ["none"]}
+    name = experiment_file(tmp_path, systems=SYSTEMS, link=link, devices=devices)
+    setting = "devices.mobile.speed=0.5"
+    err = refused(2, "run", name, "--check", "--set", setting)
+    assert f"--set {setting}: devices.mobile is 'raspberry_pi_4' and has no keys" in err
+    advice = "devices.mobile={device: raspberry_pi_4, name: NAME, speed: 0.5}"
+    assert f"write --set '{advice}'" in err
+    runs = runs_of(name, settings=[advice.replace("NAME", "half")])
+    assert {run.device_mobile.name for run in runs} == {"half"}
