@@ -15,6 +15,7 @@ from pydantic import (
 
 from slambed.files.names import Name, Title
 from slambed.older_names import STAGES, in_keys
+from slambed.suggestion import suggestion
 
 ROUNDING = 1e-3
 """Differences between computed numbers of cores below this are ignored."""
@@ -220,8 +221,8 @@ VIRTUAL = "virtual"
 
 
 class DeviceChange(BaseModel):
-    """A device of catalog/devices/*.yaml with changed cores, speed, jitter or background load,
-    for what-if experiments."""
+    """A device of catalog/devices/*.yaml with changed cores, speed, costs, jitter or background
+    load, for what-if experiments."""
 
     model_config = STRICT
 
@@ -233,6 +234,8 @@ class DeviceChange(BaseModel):
     """Another number of cores."""
     speed: float | None = Field(default=None, gt=0)
     """Relative to the speed in the device's file."""
+    stages: dict[str, StageCost] = Field(default_factory=dict)
+    """Stage -> its new cost, in place of the whole old one."""
     jitter: dict[str, Annotated[float, Field(ge=0, le=3)]] = Field(default_factory=dict)
     """Stage -> new `jitter` of its cost; the median stays."""
     background: float | None = Field(default=None, ge=0, le=1024)
@@ -251,9 +254,14 @@ class DeviceChange(BaseModel):
         if self.background is not None:
             changes["background"] = self.background
         stages = dict(device.model.stages)
-        for stage, jitter in self.jitter.items():
+        for stage in (*self.stages, *self.jitter):
             if stage not in stages:
-                raise ValueError(f"device {device.name} has no cost of stage '{stage}'")
+                raise ValueError(
+                    f"device {device.name} has no cost of stage '{stage}'; "
+                    + suggestion(stage, stages)
+                )
+        stages |= self.stages
+        for stage, jitter in self.jitter.items():
             stages[stage] = stages[stage].model_copy(update={"jitter": jitter})
         changes["stages"] = stages
         return device.model_copy(

@@ -112,9 +112,14 @@ def test_a_device_is_changed_in_one_thing_more() -> None:
     assert changed.model is not None
     assert changed.model.stages["track"] == StageCost(a_us=5.0, jitter=0.5)
     assert changed.model.speed == 2.0 and model.stages["track"].jitter == 0.1
-    unknown = DeviceChange(device="pi", name="x", jitter={"fly": 0.1})
-    with pytest.raises(ValueError, match="no cost of stage 'fly'"):
-        unknown.applied_to(device)
+    cheaper = DeviceChange(device="pi", name="x", stages={"track": StageCost(b_us=1.0)})
+    assert cheaper.applied_to(device).model == CostModel(
+        cores=1, stages={"track": StageCost(b_us=1.0)}
+    )
+    for change in ({"jitter": {"trac": 0.1}}, {"stages": {"trac": {}}}):
+        unknown = DeviceChange.model_validate({"device": "pi", "name": "x", **change})
+        with pytest.raises(ValueError, match="no cost of stage 'trac'; .*track"):
+            unknown.applied_to(device)
 
 
 def git(folder: Path, *arguments: str) -> str:
