@@ -102,8 +102,9 @@ def summary(runs: pd.DataFrame) -> str:
     lost = runs[runs["track_losses"] > 0]
     if lost.empty:
         return f"tracks to the end in {len(runs)} of {len(runs)} runs"
-    seconds = float(lost["lost_s"].median())
-    return f"loses track in {len(lost)} of {len(runs)} runs, for {seconds:.0f} s (median)"
+    least, middle, most = (lost["lost_s"].quantile(q) for q in (0.0, 0.5, 1.0))
+    many = f"for {least:.1f} to {most:.1f} s (median {middle:.1f})"
+    return f"loses track in {len(lost)} of {len(runs)} runs, {many}"
 
 
 def link(results: Results, y: float, scale: Scale) -> list[str]:

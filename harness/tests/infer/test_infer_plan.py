@@ -118,7 +118,7 @@ def test_a_device_is_changed_in_one_thing_more() -> None:
     )
     for change in ({"jitter": {"trac": 0.1}}, {"stages": {"trac": {}}}):
         unknown = DeviceChange.model_validate({"device": "pi", "name": "x", **change})
-        with pytest.raises(ValueError, match="no cost of stage 'trac'; .*track"):
+        with pytest.raises(ValueError, match=r"no cost of stage 'trac'; .*track"):
             unknown.applied_to(device)
 
 

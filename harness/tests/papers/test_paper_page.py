@@ -327,6 +327,19 @@ def test_where_ours_cannot_differ_the_page_says_why(dynnetslam: Paper, tmp_path:
     assert "nothing to compare" not in " ".join(equal.values())
 
 
+def test_what_a_reader_must_know_of_an_ordering_stands_beside_it(
+    dynnetslam: Paper, tmp_path: Path
+) -> None:
+    results = table_2({"conventional": [5] * 5, "static": [5] * 5}, 10)
+    page = write_paper_page(dynnetslam, [results], tmp_path)
+    assert page.verdicts is not None
+    lines = {c.anchor: c for c in claim_lines(page.verdicts.columns[0], every=True)}
+    told = [contrast for contrast in dynnetslam.contrasts if contrast.note]
+    assert "dynnet.O20" in {contrast.id for contrast in told}
+    for contrast in told:
+        assert contrast.note.removesuffix(".") in lines[contrast.id].note
+
+
 def test_too_few_runs_say_how_many_would_decide(dynnetslam: Paper, tmp_path: Path) -> None:
     results = table_2({"conventional": [2, 2, 3, 3, 3], "static": [1, 2, 2, 3, 2]}, 10)
     page = write_paper_page(dynnetslam, [results], tmp_path)
