@@ -27,7 +27,11 @@ def run_and_report(
     options = replace(options, plans=plans_of_today())
     verdict = run_experiment(name, options, console, check_figure_names)
     if verdict.folder is not None and any((verdict.folder / "runs").iterdir()):
-        show_report(verdict.folder, console, verdict.done > 0, figures)
+        try:
+            show_report(verdict.folder, console, verdict.done > 0, figures)
+        except KeyboardInterrupt:
+            _print(console, f"all runs are kept, write the report with: slambed report {name}")
+            raise
     return verdict
 
 

@@ -2,6 +2,7 @@
 """The kept runs of papers: their pages without a run, beside results and never in them."""
 
 import json
+import re
 import subprocess
 from collections import Counter
 from pathlib import Path
@@ -93,6 +94,43 @@ def test_the_pages_need_no_results_and_run_nothing(tmp_path: Path) -> None:
     assert "<h2>Fig. 12, virtual</h2>" in html and "<h2>Fig. 18, virtual</h2>" in html
     assert "13 of 17 orderings hold" in out
     assert sorted(path.name for path in (tmp_path / "results").iterdir()) == ["papers"]
+
+
+def outcomes(page: str) -> dict[tuple[str, bool], str]:
+    """(O07, live) -> outcome, of a page as Markdown."""
+    found = {}
+    for part in page.split("\n## Declared orderings of ")[1:]:
+        heading, _, table = part.partition("\n\n## ")[0].partition("\n")
+        live = "(virtual)" not in heading
+        for row in table.splitlines():
+            cells = [cell.strip() for cell in row.strip("|").split(" | ")]
+            if match := re.fullmatch(r"\w+\.(O\d\d)", cells[0]):
+                found[match[1], live] = cells[4]
+    return found
+
+
+@pytest.mark.parametrize("name", ["cloudslam", "dynnetslam", "multithread_rl"])
+def test_the_papers_documentation_has_the_outcomes_of_its_packed_runs(
+    name: str, tmp_path: Path
+) -> None:
+    assert slambed("papers", "kept", name, "--out", str(tmp_path))[0] == 0
+    page = (tmp_path / name / "page.md").read_text()
+    of_page = outcomes(page)
+    text = (repository_root() / "docs" / "papers" / f"{name}.md").read_text()
+    rows = re.findall(r"^\| (O\d\d.*?) \| (.*?) \| (.*?) \|$", text, re.MULTILINE)
+    assert len(rows) > 8
+    for what, outcome, ours in rows:
+        names = what.partition(":")[0]
+        numbers = {int(number) for number in re.findall(r"O(\d\d)", names)}
+        for first, last in re.findall(r"O(\d\d) to O(\d\d)", names):
+            numbers |= set(range(int(first), int(last) + 1))
+        said = re.sub(r"^hold\b", "holds", re.split(r"[,(]", outcome)[0].strip())
+        for number in numbers:
+            found = of_page[f"O{number:02}", ", live" in outcome]
+            assert found.partition(",")[0] == said, what
+        for counts, runs in re.findall(r"((?:\d+, )+\d+) of (\d+)", ours):
+            missing = [n for n in counts.split(", ") if f"{n}/{runs}" not in page]
+            assert not missing, f"{what}: {ours}"
 
 
 def test_the_numbers_of_packed_runs_are_counted(tmp_path: Path) -> None:

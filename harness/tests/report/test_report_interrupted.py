@@ -11,6 +11,9 @@ from command_line import refused, slambed
 from results_factory import quickstart_like
 from rich.console import Console
 
+from slambed.campaign.options import Options
+from slambed.campaign.runner import CampaignOutcome
+from slambed.commands import run_and_report
 from slambed.commands.run_and_report import show_report
 from slambed.errors import ExitCode
 from slambed.report import current, plots
@@ -31,6 +34,21 @@ def reported_runs(folder: Path) -> int:
 def show(folder: Path) -> None:
     """Shows the report like a campaign that found nothing to execute."""
     show_report(folder, Console(file=StringIO()), anew=False, figures=False)
+
+
+def test_an_interrupt_during_the_report_says_how_to_write_it(
+    experiment: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def interrupted(*_: object) -> None:
+        raise KeyboardInterrupt
+
+    outcome = CampaignOutcome(folder=experiment, done=2, valid=2)
+    monkeypatch.setattr(run_and_report, "run_experiment", lambda *_: outcome)
+    monkeypatch.setattr(run_and_report, "show_report", interrupted)
+    said = StringIO()
+    with pytest.raises(KeyboardInterrupt):
+        run_and_report.run_and_report("quickstart", Options(), Console(file=said))
+    assert "all runs are kept, write the report with: slambed report quickstart" in said.getvalue()
 
 
 def test_a_report_of_fewer_runs_is_written_again(experiment: Path) -> None:
