@@ -114,8 +114,8 @@ def _updates(run: RunLog) -> list[str]:
         mean_ms = applied["t_mu_ms"].mean()
         asked = int(applied.get("relocalization", pd.Series(dtype=bool)).fillna(False).sum())
         among = f" ({asked} of {of_them} for a relocalization)" if asked else ""
-        count = _count(len(applied), "map update")
-        lines.append(f"{count} applied{among}, T_MU {mean_ms:.0f} ms{gap}")
+        updates = _count(len(applied), "map update")
+        lines.append(f"{updates} applied{among}, T_MU {mean_ms:.0f} ms{gap}")
     for kind, what in (("update_declined", "map update"), ("keyframe_declined", "keyframe")):
         declined = run.of(kind)
         for reason, count in declined["reason"].value_counts().items():
