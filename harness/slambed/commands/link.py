@@ -32,7 +32,9 @@ def measure(
     seed: Annotated[int, typer.Option(help="Of losses and jitter.")] = 1,
     tcp: Annotated[bool, typer.Option(help="Also follow a TCP connection's tcpi_rtt.")] = False,
     log: Annotated[Path | None, typer.Option(help="Link log to write: .csv or .parquet.")] = None,
-    output: Annotated[Path | None, typer.Option(help="Plot to write: .png, .svg or .pdf.")] = None,
+    output: Annotated[
+        Path | None, typer.Option("-o", "--output", help="Plot to write: .png, .svg or .pdf.")
+    ] = None,
 ) -> None:
     """Verify the link on this machine: play a profile between two namespaces, compare requested
     with measured RTT."""
@@ -70,9 +72,9 @@ def _write_log(frame: pd.DataFrame, path: Path, option: str = "--output") -> Non
 def bench(
     backend: Annotated[str, typer.Option(help="relay or netem.")] = "relay",
     seconds: Annotated[float, typer.Option(help="Per profile.")] = 30.0,
-    output: Annotated[Path, typer.Option(help="Folder for the table and the logs.")] = Path(
-        "bench"
-    ),
+    output: Annotated[
+        Path, typer.Option("-o", "--output", help="Folder for the table and the logs.")
+    ] = Path("bench"),
     flood: Annotated[int, typer.Option(help="Packets of the reordering test; 0 = none.")] = 0,
 ) -> None:
     """Measure a backend: delay errors of six profiles, TCP throughput, packet reordering."""
@@ -131,7 +133,9 @@ def statistics(
 def messages(
     backend: Annotated[str, typer.Option(help="relay or netem.")] = "relay",
     repetitions: Annotated[int, typer.Option(min=1, help="Of each size.")] = 5,
-    output: Annotated[Path | None, typer.Option(help="CSV to write too, with all digits.")] = None,
+    output: Annotated[
+        Path | None, typer.Option("-o", "--output", help="CSV to write too, with all digits.")
+    ] = None,
     profile: Annotated[
         str, typer.Option(help="A profile with loss, jitter, rate or cuts: steady traffic over it.")
     ] = "",

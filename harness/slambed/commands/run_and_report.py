@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """A campaign and its report, as `slambed run` and `slambed papers run` execute them."""
 
+import shlex
 from dataclasses import replace
 from pathlib import Path
 
@@ -30,7 +31,8 @@ def run_and_report(
         try:
             show_report(verdict.folder, console, verdict.done > 0, figures)
         except KeyboardInterrupt:
-            _print(console, f"all runs are kept, write the report with: slambed report {name}")
+            write = f"slambed report {shlex.quote(str(verdict.folder))}"
+            _print(console, f"all runs are kept, write the report with: {write}")
             raise
     return verdict
 

@@ -108,12 +108,12 @@ def _updates(run: RunLog) -> list[str]:
     lines = []
     if len(applied):
         gaps = applied["gap_keyframes"].dropna() if "gap_keyframes" in applied else pd.Series([])
-        of_them = "it" if len(applied) == 1 else "them"
+        alone = len(applied) == 1
         newer = _count(int(gaps.sum()), "newer keyframe")
-        gap = f", {newer} missing from {of_them}" if len(gaps) else ""
+        gap = f", {newer} missing from {'it' if alone else 'them'}" if len(gaps) else ""
         mean_ms = applied["t_mu_ms"].mean()
-        asked = int(applied.get("relocalization", pd.Series(dtype=bool)).fillna(False).sum())
-        among = f" ({asked} of {of_them} for a relocalization)" if asked else ""
+        sent = int(applied.get("relocalization", pd.Series(dtype=bool)).fillna(False).sum())
+        among = f" ({'' if alone else f'{sent} of them '}for a relocalization)" if sent else ""
         updates = _count(len(applied), "map update")
         lines.append(f"{updates} applied{among}, T_MU {mean_ms:.0f} ms{gap}")
     for kind, what in (("update_declined", "map update"), ("keyframe_declined", "keyframe")):

@@ -163,6 +163,21 @@ class JudgedOrdering:
         ]
         return f"{', '.join(parts)}: nothing to compare{'' if whole else ' there'}" if parts else ""
 
+    @property
+    def little_tracked(self) -> str:
+        """Returns `no run of ours tracked more than 16 % of its frames` where that is below
+        `LITTLE_TRACKED`: whatever is compared then is about what was tracked. Empty otherwise."""
+        shares = [
+            float(m.found.runs["coverage"].max())
+            for chain in self.chains
+            for _, m in chain
+            if m.there and m.found.runs is not None and "coverage" in m.found.runs
+        ]
+        most = max(shares, default=1.0)
+        if not most < LITTLE_TRACKED:
+            return ""
+        return f"no run of ours tracked more than {100 * most:.0f} % of its frames"
+
     def _unshown_words(self, parts: Counter[str]) -> str:
         if self.unshown == "holds":
             return "holds"
@@ -255,6 +270,9 @@ class JudgedOrdering:
         ]
         return ", ".join(reported)
 
+
+LITTLE_TRACKED = 0.5
+"""Share of frames; if no run tracked as many, an ordering's outcome says so."""
 
 IN_WORDS = "in words"
 

@@ -154,6 +154,11 @@ def _put(data: dict[str, Any], path: list[str], value: Any, setting: str) -> Non
         inside = inside.setdefault(part, {})
         if not isinstance(inside, dict):
             whole, key = ".".join(path[:depth]), ".".join(path[depth:])
+            if isinstance(inside, list):
+                raise SlambedError(
+                    f"--set {setting}: {whole} is a list; set the whole of it: "
+                    f"--set '{whole}=[...]'"
+                )
             same = f"device: {inside}, name: NAME, " if path[0] == "devices" else ""
             raise SlambedError(
                 f"--set {setting}: {whole} is {in_words(inside)} and has no keys; write "

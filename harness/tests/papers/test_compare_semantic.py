@@ -12,6 +12,7 @@ from slambed.papers.compare import Column
 from slambed.papers.lint.checkout import Checkout
 from slambed.papers.lint.lint import lint_paper
 from slambed.papers.lint.lint_open import planned_cells
+from slambed.papers.paper_claims import claim_lines
 from slambed.papers.published import Paper, read_papers
 from slambed.spec.library import Library
 
@@ -114,6 +115,16 @@ def test_a_gap_is_one_either_way(paper: Paper) -> None:
     assert judged.rows["edgesem.C40"].ours.startswith("40 ")
     place = beside(judged.rows["edgesem.C40"])
     assert place is not None and place.words == "1.4 x the other"
+
+
+def test_runs_that_tracked_little_are_told_beside_the_ordering(paper: Paper) -> None:
+    def note(coverage: float) -> str:
+        found = [run | {"coverage": coverage} for run in errors("adaptive", (0.7, 0.9, 1.3))]
+        lines = {c.anchor: c for c in claim_lines(column(paper, found), every=True)}
+        return lines["edgesem.O02"].note
+
+    assert "no run of ours tracked more than 15 % of its frames" in note(0.15)
+    assert "of its frames" not in note(0.6)
 
 
 def test_each_run_of_a_stand_in_counts(paper: Paper) -> None:

@@ -278,3 +278,13 @@ def test_a_key_of_a_named_device_is_set_with_the_whole_device(tmp_path: Path) ->
     assert f"write --set '{advice}'" in err
     runs = runs_of(name, settings=[advice.replace("NAME", "half")])
     assert {run.device_mobile.name for run in runs} == {"half"}
+
+
+def test_an_entry_of_a_list_is_set_with_the_whole_list(tmp_path: Path) -> None:
+    name = experiment_file(tmp_path, systems=SYSTEMS, link={"profiles": ["none"]})
+    setting = "link.profiles.first=ramp_85"
+    err = refused(2, "run", name, "--check", "--set", setting)
+    assert f"--set {setting}: link.profiles is a list" in err
+    assert "set the whole of it: --set 'link.profiles=[...]'" in err
+    runs = runs_of(name, settings=["link.profiles=[ramp_85]"])
+    assert {run.profile for run in runs} == {"ramp_85"}
