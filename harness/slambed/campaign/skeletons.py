@@ -15,12 +15,19 @@ from slambed.spec.library import Library
 KINDS = ("system", "dataset", "experiment")
 NAME = re.compile(r"[a-z][a-z0-9_]*")
 PLACEHOLDER, SCHEMAS = "NAME", "SCHEMAS"
+FOLDER_SYSTEM = "folder_system"
+"""Templates that replace those of a system if it reads a recorded folder."""
 
 
-def write_skeleton(kind: str, name: str, folder: Path) -> list[str]:
-    """Returns the written files and the next steps, line by line. Never overwrites a file."""
+def write_skeleton(kind: str, name: str, folder: Path, reads_folder: bool = False) -> list[str]:
+    """Returns the written files and the next steps, line by line. Never overwrites a file.
+
+    `reads_folder`: the system is a program that reads a recorded folder, without our client.
+    """
     if kind not in KINDS:
         raise SlambedError(f"unknown kind '{kind}'; known: {', '.join(KINDS)}")
+    if reads_folder and kind != "system":
+        raise SlambedError(f"--reads-folder is for a system; a {kind} has no such choice")
     if not NAME.fullmatch(name):
         raise SlambedError(f"'{name}' is no name: small letters, digits and _, a letter first")
     _must_be_free(kind, name)
@@ -39,8 +46,10 @@ def write_skeleton(kind: str, name: str, folder: Path) -> list[str]:
         ]
     place = folder / name
     # pip compiles a template's Python file, which leaves a folder beside it.
-    files = sorted(path for path in (source / kind).iterdir() if path.is_file())
-    written = {place / path.name.replace(PLACEHOLDER, name): path for path in files}
+    files = {path.name: path for path in (source / kind).iterdir() if path.is_file()}
+    if reads_folder:
+        files |= {path.name: path for path in (source / FOLDER_SYSTEM).iterdir() if path.is_file()}
+    written = {place / file.replace(PLACEHOLDER, name): files[file] for file in sorted(files)}
     _write(place, written, name)
     return [
         *map(str, written),

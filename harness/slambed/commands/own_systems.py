@@ -33,9 +33,16 @@ def new(
     kind: Annotated[str, typer.Argument(help="system, dataset or experiment.")],
     name: Annotated[str, typer.Argument(help="Name of the new folder or file.")],
     folder: Annotated[Path, typer.Option(help="Where to write it.")] = Path(),
+    reads_folder: Annotated[
+        bool,
+        typer.Option(
+            "--reads-folder",
+            help="System: a program that reads a folder of pictures and writes a trajectory.",
+        ),
+    ] = False,
 ) -> None:
     """Write a working skeleton of a system, a dataset or an experiment for you to change."""
     from slambed.campaign.skeletons import write_skeleton
 
-    for line in write_skeleton(kind, name, folder):
+    for line in write_skeleton(kind, name, folder, reads_folder):
         typer.echo(line)

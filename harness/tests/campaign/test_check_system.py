@@ -85,6 +85,16 @@ def test_the_skeleton_keeps_the_contract(system: Path) -> None:
     assert red_lines(system) == []
 
 
+def test_the_skeleton_of_a_program_that_reads_a_folder_keeps_the_contract(tmp_path: Path) -> None:
+    new = ("new", "system", "fresh", "--reads-folder", "--folder", str(tmp_path))
+    code, out, _ = slambed(*new)
+    assert code == 0 and f"next: slambed check-system {tmp_path}/fresh/system.yaml" in out
+    assert "slambed" not in (tmp_path / "fresh" / "run.py").read_text().partition('"""\n')[2]
+    assert red_lines(tmp_path / "fresh" / "system.yaml") == []
+    beside = str(tmp_path / "fresh" / "fresh_beside_ours.yaml")
+    assert slambed("run", beside, "--engine", "local", "--check")[0] == 0
+
+
 def test_a_metric_is_optional_and_the_line_says_what_it_means(system: Path) -> None:
     content = yaml.safe_load(system.read_text())
     content["metrics"] |= {

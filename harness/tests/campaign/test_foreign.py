@@ -233,6 +233,9 @@ def test_a_skeleton_is_written_once(kind: str, tmp_path: Path) -> None:
     code, _, err = slambed("new", kind, "fresh", "--folder", str(tmp_path))
     assert code == 2 and "is there already" in err
     assert slambed("new", kind, "No-Name", "--folder", str(tmp_path))[0] == 2
+    if kind != "system":
+        code, _, err = slambed("new", kind, "other", "--reads-folder", "--folder", str(tmp_path))
+        assert code == 2 and "--reads-folder is for a system" in err
 
 
 def test_half_a_skeleton_does_not_stay(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
