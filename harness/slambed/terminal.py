@@ -46,7 +46,8 @@ def lists_alone(app: typer.Typer, listing: Callable[[bool], None]) -> None:
 
 def print_json(value: object) -> None:
     """Prints one JSON document, as every `--json` does (docs/reference/json-output.md)."""
-    typer.echo(json.dumps(value, indent=2, ensure_ascii=False, allow_nan=False))
+    unicode = (sys.stdout.encoding or "").lower().startswith("utf")
+    typer.echo(json.dumps(value, indent=2, ensure_ascii=not unicode, allow_nan=False))
 
 
 def json_entry(name: str, load: Callable[[str], "BaseModel"]) -> dict[str, object]:

@@ -20,7 +20,7 @@ from slambed.commands.older_verbs import renewed
 from slambed.errors import ExitCode
 from slambed.failures import INTERRUPTED, line_and_code
 from slambed.process.hangup import interrupt_once
-from slambed.process.standard_streams import open_closed, replace_gone
+from slambed.process.standard_streams import accept_any_text, open_closed, replace_gone
 
 app = typer.Typer(
     name="slambed",
@@ -115,6 +115,7 @@ def _add_commands(asked: str) -> None:
 def main() -> None:
     """Runs the command; every failure becomes one line and a documented exit code."""
     open_closed()
+    accept_any_text()
     if signal.getsignal(signal.SIGHUP) == signal.SIG_DFL:
         # A lost connection ends a command as Ctrl-C does; under nohup it does not.
         signal.signal(signal.SIGHUP, interrupt_once)

@@ -3,6 +3,7 @@
 behave like /dev/null, so that no run fails because of them."""
 
 import errno
+import io
 import os
 import select
 import sys
@@ -27,6 +28,14 @@ def open_closed() -> None:
     sys.stdin = sys.stdin or os.fdopen(INPUT, closefd=False)
     sys.stdout = sys.stdout or os.fdopen(OUTPUT, "w", closefd=False)
     sys.stderr = sys.stderr or os.fdopen(ERROR, "w", closefd=False)
+
+
+def accept_any_text() -> None:
+    """Lets a terminal or pipe without Unicode (`LC_ALL=C`, `PYTHONIOENCODING=ascii`) print `?` for
+    a character that it does not have, instead of ending the command."""
+    for stream in (sys.stdout, sys.stderr):
+        if isinstance(stream, io.TextIOWrapper):
+            stream.reconfigure(errors="replace")
 
 
 def is_gone(number: int) -> bool:
