@@ -165,18 +165,19 @@ class JudgedOrdering:
 
     @property
     def little_tracked(self) -> str:
-        """Returns `no run of ours tracked more than 16 % of its frames` where that is below
+        """Returns `our runs tracked 12 to 16 % of their frames` where all of them are below
         `LITTLE_TRACKED`: whatever is compared then is about what was tracked. Empty otherwise."""
         shares = [
-            float(m.found.runs["coverage"].max())
+            float(share)
             for chain in self.chains
             for _, m in chain
             if m.there and m.found.runs is not None and "coverage" in m.found.runs
+            for share in m.found.runs["coverage"].dropna()
         ]
-        most = max(shares, default=1.0)
-        if not most < LITTLE_TRACKED:
+        if not shares or max(shares) >= LITTLE_TRACKED:
             return ""
-        return f"no run of ours tracked more than {100 * most:.0f} % of its frames"
+        least, most = (f"{100 * share:.0f}" for share in (min(shares), max(shares)))
+        return f"our runs tracked {f'{least} to ' * (least != most)}{most} % of their frames"
 
     def _unshown_words(self, parts: Counter[str]) -> str:
         if self.unshown == "holds":

@@ -31,10 +31,11 @@ def open_closed() -> None:
 
 
 def accept_any_text() -> None:
-    """Lets a terminal or pipe without Unicode (`LC_ALL=C`, `PYTHONIOENCODING=ascii`) print `?` for
-    a character that it does not have, instead of ending the command."""
+    """Lets a terminal or pipe without Unicode (`PYTHONIOENCODING=ascii`, a locale of Latin 1)
+    print `?` for a character that it does not have, instead of ending the command. A stream that
+    already has a way, such as Python's `\\xfc` in error lines, keeps it."""
     for stream in (sys.stdout, sys.stderr):
-        if isinstance(stream, io.TextIOWrapper):
+        if isinstance(stream, io.TextIOWrapper) and stream.errors == "strict":
             stream.reconfigure(errors="replace")
 
 

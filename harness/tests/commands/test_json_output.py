@@ -8,11 +8,12 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from command_line import refused, slambed
+from command_line import refused, slambed, slambed_process
 from virtual_parts import make_sequence, needs_programs, write_experiment
 
 from slambed.campaign.prepared_inputs import RECORD
 from slambed.data.catalog import Catalog
+from slambed.errors import ExitCode
 from slambed.link.profile import profile_names
 from slambed.spec.library import Library
 
@@ -51,6 +52,26 @@ def test_a_file_that_cannot_be_read_is_an_entry_with_an_error(
 def test_a_profile_says_its_range_and_its_definition(tmp_path: Path) -> None:
     found = document("profiles", "show", "ramp_85")
     assert found["rtt_range_ms"] == [0.0, 85.0] and "rtt_ms" in found["definition"]
+
+
+PROFILE = "name: größer\ndescription: 20 ± 5 ms\nrtt_ms: {constant: 20}\n"
+ASCII = {"PYTHONIOENCODING": "ascii", "PYTHONUTF8": "0"}
+
+
+def test_an_output_of_ascii_holds_the_same_document(tmp_path: Path) -> None:
+    (tmp_path / "größer.yaml").write_text(PROFILE, encoding="utf-8")
+    command = ("profiles", "show", "größer.yaml")
+    code, out, err = slambed_process(*command, "--json", cwd=tmp_path, **ASCII)
+    assert (code, err) == (ExitCode.OK, "") and out.isascii()
+    found = json.loads(out)
+    assert found == json.loads(slambed(*command, "--json", cwd=tmp_path)[1])
+    assert (found["name"], found["description"]) == ("größer", "20 ± 5 ms")
+
+
+def test_an_error_line_tells_a_character_that_its_stream_lacks(tmp_path: Path) -> None:
+    latin = ASCII | {"PYTHONIOENCODING": "latin-1"}
+    code, _, err = slambed_process("profiles", "show", "ω.yaml", cwd=tmp_path, **latin)
+    assert code == ExitCode.BAD_INPUT and r"\u03c9.yaml" in err
 
 
 def test_datasets_say_whether_they_are_here() -> None:

@@ -148,8 +148,10 @@ def test_the_story_counts_what_the_events_say(offloaded: RunLog) -> None:
     ]
     text = "\n".join(lines)
     applied = offloaded.of("update_applied")
-    assert f"{len(applied)} map updates applied" in text
-    assert f", T_MU {applied['t_mu_ms'].mean():.0f} ms" in text
+    asked = int(applied["relocalization"].fillna(False).astype(bool).sum())
+    among = f" ({asked} of them for a relocalization)" if asked else ""
+    took = f"T_MU {applied['t_mu_ms'].mean():.0f} ms"
+    assert f"{len(applied)} map updates applied{among}, {took}" in text
     for reason, count in offloaded.of("update_declined")["reason"].value_counts().items():
         assert f"{count} map update{'s' * (count > 1)} declined: {reason}" in text
     busy = offloaded.of("stage", node="mobile")
