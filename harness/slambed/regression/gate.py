@@ -254,11 +254,11 @@ def _plain(table: pd.DataFrame) -> pd.DataFrame:
     columns: dict[str, Any] = {}
     for name in table:
         values = table[name]
-        kinds = {type(v) for v in values if v is not None and v == v}
+        kinds = {type(v) for v in values[values.notna()]}
         if kinds <= {bool, np.bool_}:
             columns[str(name)] = values.astype("boolean")
         elif kinds <= {int, float, np.int64, np.float64}:
             columns[str(name)] = pd.to_numeric(values, errors="coerce").astype("float64")
         else:
-            columns[str(name)] = values.map(lambda v: None if v is None or v != v else str(v))
+            columns[str(name)] = values.astype(object).map(str, na_action="ignore")
     return pd.DataFrame(columns)
