@@ -32,11 +32,19 @@ def open_closed() -> None:
 
 def accept_any_text() -> None:
     """Lets a terminal or pipe without Unicode (`PYTHONIOENCODING=ascii`, a locale of Latin 1)
-    print `?` for a character that it does not have, instead of ending the command. A stream that
-    already has a way, such as Python's `\\xfc` in error lines, keeps it."""
+    print `?` for a character that it does not have, instead of ending the command. Standard error
+    keeps Python's own way, `\\xfc`."""
     for stream in (sys.stdout, sys.stderr):
-        if isinstance(stream, io.TextIOWrapper) and stream.errors == "strict":
+        if isinstance(stream, io.TextIOWrapper) and _refuses(stream):
             stream.reconfigure(errors="replace")
+
+
+def _refuses(stream: io.TextIOWrapper) -> bool:
+    """Returns whether printing some characters to this stream raises an error. `surrogateescape`,
+    Python's choice in the locale C, prints any bytes of file names, but no character that the
+    encoding lacks."""
+    unicode = stream.encoding.lower().startswith("utf")
+    return stream.errors == "strict" or (stream.errors == "surrogateescape" and not unicode)
 
 
 def is_gone(number: int) -> bool:

@@ -55,7 +55,7 @@ def test_a_profile_says_its_range_and_its_definition(tmp_path: Path) -> None:
 
 
 PROFILE = "name: größer\ndescription: 20 ± 5 ms\nrtt_ms: {constant: 20}\n"
-ASCII = {"PYTHONIOENCODING": "ascii", "PYTHONUTF8": "0"}
+ASCII = {"PYTHONIOENCODING": "ascii", "PYTHONUTF8": "0", "LC_ALL": "C.UTF-8"}
 
 
 def test_an_output_of_ascii_holds_the_same_document(tmp_path: Path) -> None:

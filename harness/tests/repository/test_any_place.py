@@ -25,6 +25,7 @@ PLACES: dict[str, dict[str, str]] = {
     "many threads": {"OMP_NUM_THREADS": "64"},
     "other libraries": {"LD_LIBRARY_PATH": "/nowhere"},
     "output of ASCII": {"PYTHONIOENCODING": "ascii", "PYTHONUTF8": "0"},
+    "locale C without UTF-8": {"LC_ALL": "C", "PYTHONUTF8": "0", "PYTHONCOERCECLOCALE": "0"},
     "a cell of a notebook": {"MPLBACKEND": "module://matplotlib_inline.backend_inline"},
 }
 
@@ -63,7 +64,7 @@ def usual(experiment: Path, tmp_path_factory: pytest.TempPathFactory) -> dict[st
     return poses(experiment, tmp_path_factory.mktemp("usual results"))
 
 
-IN_THE_GATE = ("no HOME", "output of ASCII")
+IN_THE_GATE = ("no HOME", "output of ASCII", "locale C without UTF-8")
 
 
 @pytest.mark.parametrize(
