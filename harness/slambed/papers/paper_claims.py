@@ -196,8 +196,8 @@ def _claim(engine: str, item: JudgedOrdering) -> ClaimLine:
     if ordering.assumed:
         notes.append(f"assumed: {', '.join(in_short(ordering.assumed))}")
     contrast = item.contrast
-    if item.little_tracked:
-        notes.insert(0, item.little_tracked)
+    if little := item.little_tracked:
+        notes.insert(0, little)
     if contrast.note:
         notes.insert(0, contrast.note.removesuffix("."))
     lines = f", {text_lines(contrast.lines)} of its text" if contrast.lines else ""

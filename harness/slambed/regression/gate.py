@@ -250,12 +250,14 @@ def append_history(
 
 def _plain(table: pd.DataFrame) -> pd.DataFrame:
     """Converts each column to one type, because Parquet rejects the mixtures that nulls and
-    booleans cause."""
+    booleans cause. A column without any value stays without a type."""
     columns: dict[str, Any] = {}
     for name in table:
         values = table[name]
         kinds = {type(v) for v in values[values.notna()]}
-        if kinds <= {bool, np.bool_}:
+        if not kinds:
+            columns[str(name)] = values.astype(object)
+        elif kinds <= {bool, np.bool_}:
             columns[str(name)] = values.astype("boolean")
         elif kinds <= {int, float, np.int64, np.float64}:
             columns[str(name)] = pd.to_numeric(values, errors="coerce").astype("float64")

@@ -55,13 +55,17 @@ def test_a_profile_says_its_range_and_its_definition(tmp_path: Path) -> None:
 
 
 PROFILE = "name: größer\ndescription: 20 ± 5 ms\nrtt_ms: {constant: 20}\n"
-ASCII = {"PYTHONIOENCODING": "ascii", "PYTHONUTF8": "0", "LC_ALL": "C.UTF-8"}
+
+
+def encoded(name: str) -> dict[str, str]:
+    """Returns the environment of a program whose standard streams have this encoding."""
+    return {"PYTHONIOENCODING": name, "PYTHONUTF8": "0", "LC_ALL": "C.UTF-8"}
 
 
 def test_an_output_of_ascii_holds_the_same_document(tmp_path: Path) -> None:
     (tmp_path / "größer.yaml").write_text(PROFILE, encoding="utf-8")
     command = ("profiles", "show", "größer.yaml")
-    code, out, err = slambed_process(*command, "--json", cwd=tmp_path, **ASCII)
+    code, out, err = slambed_process(*command, "--json", cwd=tmp_path, **encoded("ascii"))
     assert (code, err) == (ExitCode.OK, "") and out.isascii()
     found = json.loads(out)
     assert found == json.loads(slambed(*command, "--json", cwd=tmp_path)[1])
@@ -69,7 +73,7 @@ def test_an_output_of_ascii_holds_the_same_document(tmp_path: Path) -> None:
 
 
 def test_an_error_line_tells_a_character_that_its_stream_lacks(tmp_path: Path) -> None:
-    latin = ASCII | {"PYTHONIOENCODING": "latin-1"}
+    latin = encoded("latin-1")
     code, _, err = slambed_process("profiles", "show", "ω.yaml", cwd=tmp_path, **latin)
     assert code == ExitCode.BAD_INPUT and r"\u03c9.yaml" in err
 

@@ -186,12 +186,15 @@ def test_a_history_holds_experiments_whose_columns_differ(tmp_path: Path) -> Non
         first, other = some_runs(rng), some_runs(rng).assign(experiment="y")
         first["params.contention"] = [None, False, True] * 8
         first["outcome_reason"] = ["edge gone" if loop_s else None, None] * 12
+        first["load_reason"] = None
         append_history(history, first.assign(first_loop_s=loop_s), night, True)
+        assert pd.read_parquet(history)["load_reason"].dtype == object
         append_history(history, other, night, True)
     stored = pd.read_parquet(history)
     assert list(stored["params.contention"].value_counts(dropna=False)) == [96, 24, 24]
     assert list(stored["outcome_reason"].dropna()) == ["edge gone"] * 12
     assert list(stored["first_loop_s"].dropna()) == [4.5] * 24
+    assert stored["load_reason"].isna().all()
     assert judge(read_runs(history, "x")[0], some_runs(rng)).passed
 
 
