@@ -88,8 +88,9 @@ class Quiet:
     def run_failed(self, spec: RunSpec, why: str, last: bool) -> None: ...
 
 
-CIRCUMSTANCES = {"load_1min", "started_utc", "command", "tree"}
-"""Manifest fields in which identical virtual runs may differ."""
+CIRCUMSTANCES = {"load_1min", "started_utc", "command", "tree", "commit", "dirty"}
+"""Manifest fields in which identical virtual runs may differ. Somebody may edit or commit a file of
+the checkout while a test plays."""
 
 
 def fingerprints(folder: ResultFolder) -> dict[str, str]:
