@@ -44,7 +44,7 @@ build: packages ## Compile the C++ programs (inside the image build where Docker
 experiment: setup build ## Run an experiment and show its report: NAME=quickstart [RUNS=3] [ENGINE=auto]
 	@$(SUDO) $(SLAMBED) run $(NAME) $(if $(RUNS),--runs $(RUNS)) $(if $(filter-out auto,$(ENGINE)),--engine $(ENGINE))
 
-paper: setup build ## Run or reuse a paper's experiments and write its page, by default of all papers, live: for example PAPER=dynnetslam RUNS=plan ENGINE=virtual BUDGET=2h PART=1/3
+paper: setup build ## Run or reuse a paper's experiments and write its page, by default of all papers, each experiment with the engine of its file: for example PAPER=dynnetslam RUNS=plan ENGINE=virtual BUDGET=2h PART=1/3
 	@$(SUDO) $(SLAMBED) papers run $(PAPER) $(if $(RUNS),--runs $(RUNS)) $(if $(filter-out auto,$(ENGINE)),--engine $(ENGINE)) $(if $(BUDGET),--budget $(BUDGET)) $(if $(PART),--part $(PART))
 
 kept: setup ## Write the papers' pages from the packed runs; runs nothing
@@ -64,7 +64,7 @@ tidy: setup-dev ## clang-tidy on the C++ of the product: [ONLY=systems/core/map]
 	@tools/setup.sh build test
 	@tools/tidy.sh $(BUILD) $(ONLY)
 
-smoke: setup ## Three seconds of one run of every experiment, in virtual time
+smoke: setup ## Three seconds of every experiment in virtual time: one run per system and dataset
 	@tools/build.sh virtual
 	@tools/smoke.sh all
 
@@ -96,11 +96,11 @@ bench: packages ## Google Benchmarks of every stage, and how times grow with the
 	@tools/setup.sh build bench
 	@tools/bench.sh
 
-bench-against: packages ## Google Benchmarks in turn with another commit's: [BASE=v0.1] [ROUNDS=7] [HISTORY=build-bench/history.jsonl]
+bench-against: packages ## Google Benchmarks in turn with another commit's, the newest other one of the history without BASE: [BASE=COMMIT] [ROUNDS=7] [HISTORY=build-bench/history.jsonl]
 	@tools/setup.sh build bench
 	@python3 tools/bench_against.py $(BASE) --rounds $(ROUNDS) --history $(HISTORY)
 
-test-netem: setup build ## The kernel's own netem and cgroup v2, in a small virtual machine (user-mode Linux)
+test-netem: setup-dev build ## The kernel's own netem and cgroup v2, in a small virtual machine (user-mode Linux)
 	@tools/netem_vm.sh
 
 data: setup build ## Prepare a sequence: DATASET=quickstart (see 'slambed data list')
@@ -119,6 +119,6 @@ docs: setup-dev ## The documentation as a site, build/site/html; a link that lea
 doctor: setup ## Show what this machine can do
 	@$(SUDO) $(SLAMBED) doctor
 
-clean: ## Remove build products and what killed campaigns left; results stay
+clean: ## Remove build products and what killed campaigns left; results, measured times and found crashes stay
 	@if [ -x $(SLAMBED) ]; then $(SUDO) $(SLAMBED) clean; fi
-	@rm -rf $(BUILD) .mypy_cache .ruff_cache .pytest_cache .import_linter_cache
+	@rm -rf $(BUILD) build-asan build-tsan build-alone .mypy_cache .ruff_cache .pytest_cache .import_linter_cache

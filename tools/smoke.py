@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Plays three seconds of one run per experiment in virtual time: see smoke.sh.
+"""Plays three seconds of experiments in virtual time: see smoke.sh.
 
     smoke.py FOLDER [all | EXPERIMENT ...]
 

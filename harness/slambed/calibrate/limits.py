@@ -78,7 +78,7 @@ def _docker() -> Engine:
     client = docker.from_env(timeout=60)
     image = find_image(client)
     if image is None:
-        raise environment_error(f"image {image_tag()} is not built; run 'make images'")
+        raise environment_error(f"image {image_tag()} is not built; run 'slambed images'")
     return DockerEngine(client, image, PROGRAM)
 
 

@@ -42,7 +42,8 @@ def calibrate(
         typer.Option("--limits", help="Device: what do busy threads get under its limits here?"),
     ] = None,
     engine: Annotated[
-        str | None, typer.Option(help="docker or local, for --limits; both if not given.")
+        str | None,
+        typer.Option(help="docker or local, for --limits; if not given, those usable here."),
     ] = None,
     seconds: Annotated[float, typer.Option(min=1.0, help="Per measurement of --limits.")] = 10.0,
 ) -> None:

@@ -233,7 +233,7 @@ def where() -> None:
 
 @app.command()
 def download(
-    dataset: Id,
+    dataset: Annotated[str, typer.Argument(help="id or alias of a dataset, or its YAML file")],
     force: Annotated[
         bool,
         typer.Option(help="fetch although the checksum is not known; not what is here already"),

@@ -140,7 +140,7 @@ def _image() -> Finding:
     found = find_image(client)
     client.close()
     if found is None:
-        cost = "built by the next run with engine docker, or by 'make images'"
+        cost = "built by the next run with engine docker, or by 'slambed images'"
         return Finding("image", "missing", f"{image_tag()} is not built", cost)
     return Finding("image", "good", image_tag())
 

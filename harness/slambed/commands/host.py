@@ -58,10 +58,12 @@ def setup(
         str, typer.Option(help="auto, docker, local or virtual: what the programs are for.")
     ] = "auto",
 ) -> None:
-    """Compile the C++ programs of this package, or copy them from the node image if it exists.
+    """Compile the C++ programs of this package.
 
-    Missing packages are installed with apt. In a checkout, 'make build' does the same. A wheel that
-    has the programs needs no setup; with engine docker the node image is made of them.
+    Where Docker answers they are compiled in the build of the node image and copied from it; else
+    on this host, with packages that are installed by apt. In a checkout, 'make build' does the
+    same. A wheel that has the programs needs no setup; with engine docker the node image is made of
+    them.
     """
     from slambed.native import brings_programs, build_folder, repository_root
     from slambed.spec.software import source_hash

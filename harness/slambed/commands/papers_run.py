@@ -20,7 +20,7 @@ from slambed.papers.published import Paper
 from slambed.papers.published.paper_plan import read_plan
 from slambed.report.load import load
 from slambed.spec.library import Library
-from slambed.terminal import console
+from slambed.terminal import RESULTS, console
 
 PLANNED = "plan"
 """`--runs plan`: runs per cell as registered in the papers' plans."""
@@ -129,8 +129,8 @@ def raise_unless_done(played: Played) -> None:
             ExitCode.NOT_ALL_GOOD,
         )
     invalid = [found.folder for found in played.outcomes if found.valid < found.done]
-    first = next((folder.name for folder in invalid if folder is not None), "NAME")
-    raise_unless_good(played.outcomes, first)
+    first = next((folder for folder in invalid if folder is not None), RESULTS / "NAME")
+    raise_unless_good(played.outcomes, first.name, first.parent)
     if played.refused:
         name, why = next(iter(played.refused.items()))
         raise SlambedError(

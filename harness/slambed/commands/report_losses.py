@@ -7,6 +7,7 @@ from typing import Any
 
 import typer
 
+from slambed.commands.shared_options import status_command
 from slambed.errors import SlambedError
 from slambed.metrics.losses import EVENTS, sentence
 from slambed.report.kept_events import NONE_ARE_KEPT, from_part, with_events
@@ -26,7 +27,8 @@ def show_losses(folder: Path, experiment: str, output: Path | None, as_json: boo
     if not runs and len(found.valid_runs):
         raise SlambedError(f"{experiment}: {NONE_ARE_KEPT}")
     if not runs:
-        raise SlambedError(f"no valid run of {experiment}; 'slambed status {experiment}' says why")
+        status = status_command(experiment, folder.parent)
+        raise SlambedError(f"no valid run of {experiment}; '{status}' says why")
     if as_json:
         print_json({"experiment": folder.name, "runs": [_entry(run) for run in runs]})
     else:

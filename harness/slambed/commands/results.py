@@ -138,10 +138,10 @@ def replay_command(
     """Play some virtual runs again, drawn at random, and compare them with what is there.
 
     Every file that the packed file or the results folder has of these runs is compared, apart from
-    manifests, which tell when and where. Accuracies may differ in their last digits, as they do
-    between kinds of processors, and the last line says in how many runs they do. Nothing is written
-    into the results. Exits with 1 unless all are the same: where a file differs, or where a run
-    cannot be played here, for example because other sources made it.
+    manifests, which tell when and where, logs and pictures. Accuracies may differ in their last
+    digits, as they do between kinds of processors, and the last line says in how many runs they do.
+    Nothing is written into the results. Exits with 1 unless all are the same: where a file differs,
+    or where a run cannot be played here, for example because other sources made it.
     """
     import tempfile
 

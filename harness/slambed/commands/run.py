@@ -144,7 +144,7 @@ def run(
     verdict = run_and_report(experiment, options, screen, figures)
     if verdict.interrupted:
         raise interrupted()
-    raise_unless_good([verdict], experiment)
+    raise_unless_good([verdict], experiment, results)
 
 
 def _list_experiments(context: typer.Context) -> None:

@@ -11,6 +11,7 @@ from slambed.campaign.options import Options
 from slambed.campaign.run_experiment import run_experiment
 from slambed.campaign.runner import CampaignOutcome
 from slambed.commands.report_request import check_figure_names
+from slambed.commands.shared_options import status_command
 from slambed.errors import ExitCode, SlambedError
 from slambed.papers.experiment_tables import comparisons_for
 from slambed.papers.published.paper_plan import plans_of_today
@@ -19,6 +20,7 @@ from slambed.report.experiment import ReportSummary, terminal_summary, write_rep
 from slambed.report.load import load
 from slambed.report.recompute import recompute_refused
 from slambed.report.style import ON_PAGES
+from slambed.terminal import RESULTS
 
 
 def run_and_report(
@@ -37,7 +39,7 @@ def run_and_report(
     return verdict
 
 
-def raise_unless_good(verdicts: list[CampaignOutcome], what: str) -> None:
+def raise_unless_good(verdicts: list[CampaignOutcome], what: str, results: Path = RESULTS) -> None:
     """Raises SlambedError (exit code 1) if a run failed, is invalid or did not complete."""
     given_up = [line for verdict in verdicts for line in verdict.given_up.values()]
     done = sum(verdict.done for verdict in verdicts)
@@ -47,7 +49,7 @@ def raise_unless_good(verdicts: list[CampaignOutcome], what: str) -> None:
     if given_up:
         line = f"{len(given_up)} runs have no result: {given_up[0]}; the same command tries again"
     elif invalid:
-        line = f"{invalid} of {done} runs are invalid; 'slambed status {what}' says why"
+        line = f"{invalid} of {done} runs are invalid; '{status_command(what, results)}' says why"
     elif broken_off:
         line = f"{broken_off} of {done} runs did not complete: a result, which the report shows"
     if line is not None:

@@ -10,6 +10,7 @@ import typer
 
 from slambed.errors import SlambedError
 from slambed.failures import INTERRUPTED
+from slambed.terminal import RESULTS
 
 ENGINES = ("auto", "docker", "local", "virtual")
 
@@ -19,7 +20,12 @@ EngineOption = Annotated[
 ]
 JobsOption = Annotated[
     int | None,
-    typer.Option("--jobs", min=1, help="Virtual runs at a time; all CPUs if not given."),
+    typer.Option(
+        "--jobs",
+        min=1,
+        help="Virtual runs at a time; all CPUs if not given. With --scheduler: all threads of its "
+        "workers; --slurm needs it.",
+    ),
 ]
 SchedulerOption = Annotated[
     str | None,
@@ -56,6 +62,12 @@ def check_cluster(scheduler: str | None, slurm: bool) -> None:
     """Raises SlambedError where virtual runs are to go to two clusters."""
     if scheduler and slurm:
         raise SlambedError("give one of --scheduler ADDRESS, --slurm")
+
+
+def status_command(experiment: str, results: Path) -> str:
+    """Returns the command that says why runs in this results folder are invalid."""
+    place = [] if results == RESULTS else ["--results", str(results)]
+    return shlex.join(["slambed", "status", experiment, *place])
 
 
 def interrupted(left: str = "") -> typer.Exit:

@@ -244,7 +244,7 @@ class PreparedWriter:
         except OSError as refused:
             raise SlambedError(
                 f"{refused.filename}: {refused.strerror}; choose another folder with "
-                "SLAMBED_CACHE or --cache"
+                "SLAMBED_CACHE (or --cache of 'slambed data prepare')"
             ) from refused
         return self
 

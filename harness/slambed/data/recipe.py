@@ -59,7 +59,8 @@ def _kinds_in(annotation: Any) -> set[Any]:
 
 
 class CameraRecipe(_Strict):
-    """Camera of the source images; omitted if the dataset has its own calibration."""
+    """Camera of the source images; omitted if the dataset has its own calibration. With `euroc`:
+    the camera to which pictures are rectified, of which width, height and bf are not used."""
 
     width: int = Field(gt=0, le=LARGEST_SIDE)
     """In pixels."""
@@ -240,9 +241,9 @@ class Synthetic(_Strict):
     labels: bool | None = Field(default=None, strict=True)
     """Whether labels.bin with the true masks and key points is written."""
     blackout_start_s: float | None = Field(default=None, ge=0)
-    """Sequence time at which the lens is covered."""
+    """When the lens is covered, in seconds from the first frame of the sequence."""
     blackout_end_s: float | None = Field(default=None, ge=0)
-    """Sequence time at which it is free again."""
+    """When it is free again, in seconds from the same frame."""
 
     @model_validator(mode="after")
     def _has_effect(self) -> Self:
@@ -320,11 +321,13 @@ class Dataset(_Strict):
     """Patterns of the recording's place: below the search path or beside this file, absolute, or
     from `~`."""
     camera: CameraRecipe | None = None
-    """Calibration, where the format brings none."""
+    """Calibration, where the format brings none; with `euroc` what pictures are rectified to."""
     depth_unit_m: float = Field(default=0.0, ge=0)
-    """Meters per step of the depth pictures; required for `rgbd`."""
+    """Meters per step of the depth pictures; required for a recorded `rgbd`, without effect on
+    generated sequences."""
     close_depth_baselines: float = Field(default=40.0, gt=0)
-    """ORB-SLAM2's ThDepth: points nearer than this many baselines are close."""
+    """ORB-SLAM2's ThDepth: points nearer than this many baselines are close. Generated sequences
+    have their own."""
     fps: float = Field(default=30.0, ge=0.001, le=10_000)
     """Nominal rate of the recording."""
     playback: DatasetPlayback = DatasetPlayback()

@@ -166,7 +166,7 @@ class DockerEngine(ThisHostEngine):
         self._for_questions = for_questions
         self._image = image or find_image(self._client)
         if self._image is None and not for_questions:
-            raise environment_error(f"image {image_tag()} is not built; run 'make images'")
+            raise environment_error(f"image {image_tag()} is not built; run 'slambed images'")
 
     def sequence_path(self, sequence: Path, role: Role) -> str:
         """Mount point of the sequence."""

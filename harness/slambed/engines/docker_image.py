@@ -35,7 +35,7 @@ def advice(error: Exception) -> str:
     """Returns advice for an unreachable daemon."""
     if "permission" in str(error).lower():
         return "run with sudo or join the group docker"
-    return "start the Docker daemon, or use --engine local"
+    return "start the Docker daemon; without it engine local runs live, as root"
 
 
 def _reason(error: Exception) -> str:

@@ -15,7 +15,7 @@ from slambed.errors import environment_error
 from slambed.files.json_file import read_object
 
 WAIT_STEP_S = 0.2
-STOP_OR_WAIT = "stop it, or wait for it with --wait"
+STOP_OR_WAIT = "stop it, or wait for it: 'slambed run' has --wait"
 STOP = "stop it, or call this again when it has ended"
 """Advice of commands that do not wait."""
 

@@ -5,6 +5,7 @@ Each stage is written as ordinary experiments, which `slambed run` accepts too. 
 stored by key, so a second call repeats none.
 """
 
+import os
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -97,7 +98,7 @@ class Campaign:
         if known:
             return sum(known) / len(known)
         guesses = [base.run_s for base in self.rows.places.bases.values()]
-        return max(guesses) / (self.options.jobs or 1)
+        return max(guesses) / (self.options.jobs or len(os.sched_getaffinity(0)))
 
     def _execute(
         self, stage: str, points: Sequence[Point], cells: Sequence[str], runs: int

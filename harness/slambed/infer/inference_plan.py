@@ -164,8 +164,8 @@ class Inference(BaseModel):
     paper: str
     """Name in papers/, or a .yaml file next to the plan."""
     experiments: list[str] = Field(min_length=1)
-    """Names, or files next to the plan. Their cells are compared with the paper's; for each table,
-    the first experiment that reproduces it is used."""
+    """Names, or files next to the plan. Their cells are compared with the paper's; for each number,
+    the first experiment that reproduces its table and has such runs is used."""
     playback: dict[str, Any] = Field(default_factory=dict)
     """Keys of `playback` that replace those of the experiments."""
     instead: dict[str, Change] = Field(default_factory=dict)

@@ -31,7 +31,7 @@ from slambed.spec.recorded_part import RecordedPart
 from slambed.suggestion import suggestion
 
 LONGEST_S = 100_000.0
-"""Maximum one-way delay; a longer one indicates a wrong unit."""
+"""Longest profile; a longer one indicates a wrong unit."""
 CHECK_STEP_S = 0.01
 CHECK_FOREVER_S = 900.0
 """Range in which a profile that never settles is checked for negative values."""

@@ -176,8 +176,8 @@ METRICS: tuple[Metric, ...] = (
     Metric("valid", "whether host, link and limits were as asked; only such runs count",
            type="flag"),
     Text("invalid_reason", "why not"),
-    Count("attempts", "how often the run was executed, this one included; the others were "
-          "invalid", lambda run: run.manifest.attempt),
+    Count("attempts", "how often the run was executed to its end, this one included; the others "
+          "were invalid, or were run again on request", lambda run: run.manifest.attempt),
     Text("faults", 'what went wrong on purpose, in s of run time: "kill 10.0-12.4, cut 20.0-25.0"; '
          "null when nothing",
          lambda run: faults_in_words(run.log.of("fault_began", "fault_ended"))),
@@ -207,7 +207,8 @@ METRICS: tuple[Metric, ...] = (
     Text("loss_times_s", 'sequence times of all losses: "22.4 31.07"; empty when none',
          _tracking(lambda t: loss_times_text(t.loss_times_s))),
     LowerIsBetter(
-        "lost_s", "sum over all losses: sequence time from the loss to the next pose, or the end",
+        "lost_s", "sum over all losses: sequence time from the loss to the next pose, or the end; "
+        "a map given up at once adds nothing",
         _tracking(lambda t: t.lost_s), "time without a pose", "s", relevant_step=0.5),
     Count("relocalizations", "times a lost camera was found again",
           _tracking(lambda t: t.relocalizations)),
@@ -217,7 +218,7 @@ METRICS: tuple[Metric, ...] = (
         digits=2, relevant_step=0.1, null_without=NO_LOSS),
     LowerIsBetter(
         "reloc_known_s", "mean over losses: from the lost camera's return to a place where it had "
-        "been tracked (true poses) to the next pose",
+        "been tracked (true poses) to the next pose, the reset of the map, or the end",
         lambda run: run.known_place_s, "recovery at known places", "s", digits=2,
         relevant_step=0.1, null_without=NO_LOSS),
     Count("resets", "maps given up", _tracking(lambda t: t.resets)),
@@ -226,9 +227,10 @@ METRICS: tuple[Metric, ...] = (
     Metric("first_loop_s", "run time at which the first loop was closed; null when none",
            first_loop_s, "first loop closed", "s",
            null_without=("loops_closed", "no run closed a loop")),
-    Count("keyframes", "in the global map at the end, so without culled ones; those of a prior map "
-          "count", _mapped("keyframes"), "keyframes in the map"),
-    Count("map_points", "in the global map at the end", _mapped("points")),
+    Count("keyframes", "in the global map when its last keyframe was mapped (with an edge: mapped "
+          "there), so without culled ones; those of a prior map count",
+          _mapped("keyframes"), "keyframes in the map"),
+    Count("map_points", "in the global map at the same time", _mapped("points")),
     Text("groundtruth", "first 16 digits of the SHA-256 of the true path; null without one",
          truth_digest),
     LowerIsBetter(
@@ -344,8 +346,9 @@ METRICS: tuple[Metric, ...] = (
         "mobile_cpu_device_percent", "the same as share of all `mobile_cores`",
         lambda run: share_of_device(run.mobile.cpu_percent_mean, run.mobile_cores),
         "mobile CPU", "% of the device", relevant_step=1.0),
-    Metric("mobile_cores", "cores of the whole mobile device: of its cost model; live, the CPU "
-           "quota granted; null without one", lambda run: run.mobile_cores, "mobile cores",
+    Metric("mobile_cores", "cores of the whole mobile device: of its cost model (live with `pace: "
+           "device`: in cores of the host); live, the CPU quota granted; null without one",
+           lambda run: run.mobile_cores, "mobile cores",
            digits=2),
     LowerIsBetter(
         "edge_cpu_percent_mean", "of the edge node", lambda run: run.edge.cpu_percent_mean,
@@ -428,11 +431,12 @@ METRICS: tuple[Metric, ...] = (
         "update_bytes_median", "messages `MAP_UPDATE` that arrived", _message("MAP_UPDATE"),
         "map update message, median", "B", "KB", 1e-3, relevant_step=1e3),
     LowerIsBetter(
-        "serialize_ms_median", "writing a keyframe on the mobile, wall",
+        "serialize_ms_median", "writing keyframes, relocalization requests and maps handed over, "
+        "on the mobile, wall",
         _codec("mobile", "serialize"), "writing a keyframe, median", "ms", digits=2,
         relevant_step=0.1),
     LowerIsBetter(
-        "parse_ms_median", "reading it on the edge, wall", _codec("edge", "parse"),
+        "parse_ms_median", "reading them on the edge, wall", _codec("edge", "parse"),
         "reading a keyframe, median", "ms", digits=2, relevant_step=0.1),
     Metric("rtt_asked_ms_mean", "of the profile over playback; live over the relay with jitter and "
            "queueing of the probes", lambda run: run.asked_rtt_ms_mean, "RTT asked, mean", "ms"),

@@ -69,8 +69,8 @@ class Manifest(Record):
     spec: Annotated[KeptSpec | RunSpec | None, Field(union_mode="left_to_right")] = None
     """The whole RunSpec."""
     outcome: str | None = None
-    """`completed`, `died`, `timed_out` (wall clock of a live run, CPU time of a virtual one), or
-    `refused` (its input)."""
+    """`completed`, `died`, `timed_out` (wall clock of a live run, CPU or virtual time of a virtual
+    one), or `refused` (its input)."""
     outcome_reason: str | None = None
     """Why the run did not complete."""
     invalid_reasons: list[str] | None = None

@@ -73,7 +73,7 @@ def diff(sides: Sides, metrics: list[str] | None = None) -> list[Change]:
     if not found:
         raise SlambedError(
             f"nothing to compare: {_words(sides.a)} and {_words(sides.b)} share no combination "
-            "with two valid runs on either side; 'slambed status' says what is there"
+            "with two valid runs on either side; 'slambed status NAME' says what is there"
         )
     adjusted = holm([item.p_value for item in found])
     return [

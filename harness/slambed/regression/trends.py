@@ -79,7 +79,8 @@ def read_history(path: Path) -> pd.DataFrame:
     """Reads a history. Raises SlambedError if there is none, or if it is no history of the
     regression gate."""
     if not path.is_file():
-        raise SlambedError(f"no history {path}; 'slambed gate NAME --history {path}' begins one")
+        begin = f"slambed gate NAME --first-night --history {path}"
+        raise SlambedError(f"no history {path}; '{begin}' begins one")
     try:
         table = table_of_today(pd.read_parquet(path))
     except (OSError, ValueError) as broken:

@@ -61,7 +61,7 @@ class Network(_Strict):
     """One line for lists and reports."""
     decoder: Literal["people", "selfie"]
     """How its outputs become masks."""
-    file: str | None = Field(default=None, description="beside the YAML")
+    file: str | None = Field(default=None, description="in catalog/networks/")
     wheel: Wheel | None = None
     """Wheel that holds the file, instead of `file`."""
     sha256: Sha256 = Field(description="of the network's file")

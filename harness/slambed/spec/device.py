@@ -96,15 +96,15 @@ class Accelerator(BaseModel):
 
 
 class CostModel(BaseModel):
-    """The device's compute costs that the virtual engine charges
-    (docs/explanation/virtual-time.md)."""
+    """The device's compute costs: what virtual runs charge (docs/explanation/virtual-time.md), and
+    live runs with `pace: device`."""
 
     model_config = STRICT
 
     cores: int = Field(ge=1, le=1024)
     """Cores that stages share."""
     speed: float = Field(default=1.0, gt=0)
-    """Every cost is divided by it: 2 is a device twice as fast."""
+    """Every cost on the cores is divided by it: 2 is a device twice as fast."""
     background: float = Field(default=0.0, ge=0, le=1024)
     """Cores kept busy by work outside the system, such as drivers, a player or a viewer."""
     stages: Annotated[dict[str, StageCost], in_keys(STAGES)]

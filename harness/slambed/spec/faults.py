@@ -25,7 +25,8 @@ class Fault(BaseModel):
     """Run time at which it begins."""
     edge: EdgeFault | None = None
     """kill: SIGKILL. freeze: SIGSTOP, then SIGCONT after `for_s`; the kernel's TCP stack keeps
-    running. restart: the killed program starts again in the same namespace and cgroups."""
+    running. restart: the killed program starts again in the same namespace and cgroups. Kill and
+    restart are for live engines only."""
     link: Literal["cut"] | None = None
     """No packet arrives for `for_s`, in either direction; also those are dropped that were under
     way. A profile with gaps of its own needs `gap_mode: drop`."""

@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Exit code of a command that executed runs: the worst outcome of its campaigns."""
 
+from pathlib import Path
+
 import pytest
 
 from slambed.campaign.runner import CampaignOutcome
@@ -36,3 +38,8 @@ def test_one_that_did_not_is_reported_after_all_have_run(
     with pytest.raises(SlambedError, match=line) as ended:
         raise_unless_good([GOOD, verdict], "x")
     assert ended.value.code == ExitCode.NOT_ALL_GOOD
+
+
+def test_the_command_that_says_why_names_the_results_folder() -> None:
+    with pytest.raises(SlambedError, match=r"'slambed status x --results /elsewhere' says why"):
+        raise_unless_good([CampaignOutcome(done=2, valid=1)], "x", Path("/elsewhere"))

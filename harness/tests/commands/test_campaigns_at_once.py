@@ -102,7 +102,9 @@ def test_where_all_runs_are_there_the_report_needs_no_host(
         # A run that is forced needs the host.
         line = refused(ExitCode.ENVIRONMENT, *asked, "--force", "alone/walk")
         assert re.search(f"another live campaign runs on this host: {HOLDER}", line)
-        assert "in /elsewhere/results/other; stop it, or wait for it with --wait" in line
+        assert (
+            "in /elsewhere/results/other; stop it, or wait for it: 'slambed run' has --wait" in line
+        )
 
 
 @needs_root

@@ -190,7 +190,10 @@ class Reader(SequenceReader):
 
     def _topic_option(self, name: str) -> str:
         if name not in self.options.extra:
-            raise SlambedError(f"{self.path}: reader_options needs {name} (see 'rosbags' topics)")
+            raise SlambedError(
+                f"{self.path}: reader_options needs {name}, a topic of the bag ('ros2 bag info' or "
+                "'rosbag info' lists them)"
+            )
         return str(self.options.extra[name])
 
     def _messages(self, bag: AnyReader, topics: list[str]) -> Iterator[tuple[str, Any, int]]:

@@ -110,7 +110,9 @@ def bring_sequence(connection: BoardConnection, image: Any, sequence: Path, noti
     verifies each file on the board."""
     checksum = str((read_object(sequence / "sequence.json") or {}).get("checksum", ""))
     if not checksum:
-        raise SlambedError(f"{sequence} is no prepared sequence; make it with 'slambed data'")
+        raise SlambedError(
+            f"{sequence} is no prepared sequence; make it with 'slambed data prepare'"
+        )
     name = f"{LABEL}-sequence-{checksum[:16]}"
     client = connection.docker
     with daemon_failures(f"copy {sequence.name} to board {connection.name}"):

@@ -55,7 +55,7 @@ class PaperMetric(Strict):
     key: str
     """Key of summary.json, or `delay.<part>` / `tracking.<field>` computed from the events."""
     plus: list[str] = Field(default_factory=list)
-    """Further keys whose values are added for each run."""
+    """Further keys whose values are added for each run; only beside a key of summary.json."""
     only: Match = Field(default_factory=dict)
     """Runs that it can be taken from, in addition to the coordinates."""
     reference: str | None = None
@@ -83,8 +83,8 @@ class PaperMetric(Strict):
 class Margin(Strict):
     """How far ours may be from a published number and still reproduce it; written before the runs.
 
-    Keys of `margins:` are the paper's metrics, and `about` and `reduction` for statements of that
-    kind on any metric.
+    Keys of `margins:` are the paper's metrics, and `about` and `reduction` for reductions and
+    ratios of any metric. Other statements have fixed margins (docs/explanation/verdicts.md).
     """
 
     ratio: float | None = Field(default=None, gt=0, lt=1)

@@ -108,7 +108,7 @@ class PaperPlan(BaseModel):
     fits: list[str]
     """Files in catalog/devices/fits that these devices come from."""
     frozen: str
-    """Digest of contrasts, margins and mapping of the paper (`frozen_digest`)."""
+    """Digest of contrasts, margins, mapping and judged numbers of the paper (`frozen_digest`)."""
     data: dict[str, PlannedData]
     """Maps a name in the paper to what is played."""
     runs: list[PlannedRuns] = Field(default_factory=list)
