@@ -181,7 +181,7 @@ def test_status_of_runs_without_their_plan_is_an_error(tmp_path: Path) -> None:
 
 def test_no_docker_is_one_line() -> None:
     line = refused(ExitCode.ENVIRONMENT, "images", DOCKER_HOST="unix:///nonexistent/docker.sock")
-    assert "no Docker" in line and "--engine local" in line
+    assert "no Docker" in line and "engine local runs live, as root" in line
 
 
 def test_a_bug_is_one_line_too() -> None:
