@@ -96,7 +96,7 @@ bench: packages ## Google Benchmarks of every stage, and how times grow with the
 	@tools/setup.sh build bench
 	@tools/bench.sh
 
-bench-against: packages ## Google Benchmarks in turn with another commit's, the newest other one of the history without BASE: [BASE=COMMIT] [ROUNDS=7] [HISTORY=build-bench/history.jsonl]
+bench-against: packages ## Google Benchmarks in turn with those of another commit, by default the newest other one of the history: [BASE=COMMIT] [ROUNDS=7] [HISTORY=build-bench/history.jsonl]
 	@tools/setup.sh build bench
 	@python3 tools/bench_against.py $(BASE) --rounds $(ROUNDS) --history $(HISTORY)
 

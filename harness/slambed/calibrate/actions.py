@@ -19,6 +19,7 @@ from slambed.data.places import cache_folder
 from slambed.errors import ExitCode, SlambedError
 from slambed.files.yaml_source import load_yaml, parse
 from slambed.native import SIMULATION, find_program
+from slambed.process.cpus import own_cpus
 from slambed.spec.device import CostModel
 from slambed.spec.host_speed import load_host_speed, save_host_speed
 from slambed.spec.library import Library
@@ -28,7 +29,7 @@ from slambed.terminal import console
 
 def calibrate_host() -> None:
     """Executes `--host`."""
-    from slambed.calibrate.host import REFERENCE_UNITS_PER_S, host_cpus, measure_host
+    from slambed.calibrate.host import REFERENCE_UNITS_PER_S, measure_host
 
     measured = measure_host()
     speed = measured.speed
@@ -45,7 +46,7 @@ def calibrate_host() -> None:
         device = library.device(path.stem)
         if (board := device.board) is None:
             continue
-        found = device.limits_on(speed.speed, len(host_cpus()))
+        found = device.limits_on(speed.speed, len(own_cpus()))
         table.add_row(
             device.name,
             f"{board.cores} x {board.core_speed:g}",
@@ -114,7 +115,7 @@ def match_paper(name: str, jobs: int | None, check: bool) -> None:
         program=find_program(SIMULATION),
         features=cache_folder() / "features",
         software=host_software(program=SIMULATION),
-        jobs=jobs or len(os.sched_getaffinity(0)),
+        jobs=jobs or len(own_cpus()),
         masks=masks,
     )
     fit = Fit(targets, source, library)

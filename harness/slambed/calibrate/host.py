@@ -3,7 +3,6 @@
 slambed-pace."""
 
 import json
-import os
 import statistics
 import subprocess
 from dataclasses import dataclass
@@ -57,7 +56,3 @@ def run_pace(seconds: float) -> dict[str, Any]:
         text = f"{PROGRAM} does other work than this harness knows; run {how_to_build()}"
         raise SlambedError(text)
     return content
-
-
-def host_cpus() -> list[int]:
-    return sorted(os.sched_getaffinity(0))

@@ -14,7 +14,7 @@ from statistics import mean
 import docker
 from rich.table import Table
 
-from slambed.calibrate.host import PROGRAM, host_cpus, run_pace
+from slambed.calibrate.host import PROGRAM, run_pace
 from slambed.engines.base import Engine, NodePlan, allot_cpus, differences, thread_invalid_reasons
 from slambed.engines.docker import DockerEngine
 from slambed.engines.docker_image import find_image, image_tag
@@ -25,6 +25,7 @@ from slambed.engines.reaper import mark_children, reap
 from slambed.engines.sidecar_client import SidecarClient
 from slambed.errors import ExitCode, SlambedError, environment_error
 from slambed.native import find_program
+from slambed.process.cpus import own_cpus
 from slambed.spec.device import Device, Limits
 from slambed.spec.host_speed import HostSpeed
 
@@ -95,7 +96,7 @@ def measure_limits(
     device: Device, host: HostSpeed, engine: Engine, threads: int, seconds: float
 ) -> Achieved:
     """Measures `threads` busy threads as the mobile node of an engine."""
-    limits = device.limits_on(host.speed, len(host_cpus()))
+    limits = device.limits_on(host.speed, len(own_cpus()))
     if limits.quota_cores is None:
         raise SlambedError(f"device {device.name} has no CPU limits to look at")
     with ExitStack() as stack:
@@ -105,7 +106,7 @@ def measure_limits(
         config = asked | {"output": engine.output_path(run_dir, "mobile")}
         (run_dir / "run.json").write_text(json.dumps(config))
         before = run_pace(REFERENCE_S)["threads"][0]["units_per_cpu_s"]
-        cpus = allot_cpus(limits, None, host_cpus())
+        cpus = allot_cpus(limits, None, own_cpus())
         plan = NodePlan("mobile", "limits", run_dir, run_dir, limits, cpus["mobile"])
         node = engine.start(plan)
         stack.callback(node.remove)

@@ -32,6 +32,7 @@ from slambed.campaign.host_run import ThisHost, begin
 from slambed.engines.host_lock import host_lock
 from slambed.errors import environment_error
 from slambed.failures import line_and_code
+from slambed.process.cpus import own_cpus
 from slambed.process.line_protocol import (
     Failure,
     LineReader,
@@ -162,7 +163,7 @@ def _note(answer: Callable[[Message], None], line: str) -> None:
 
 def _choose_cpus(cores: int | None) -> list[int]:
     """Restricts this process and its children, which include the runs, to these CPUs."""
-    cpus = sorted(os.sched_getaffinity(0))
+    cpus = own_cpus()
     if cores is None:
         return cpus
     if cores > len(cpus):

@@ -2,7 +2,6 @@
 """`slambed run`: executes the missing runs of an experiment."""
 
 import math
-import os
 from collections.abc import Callable
 from contextlib import ExitStack
 from functools import partial
@@ -33,6 +32,7 @@ from slambed.errors import SlambedError, environment_error
 from slambed.files.outputs import make_folder
 from slambed.files.yaml_source import YamlSource
 from slambed.native import SIMULATION, find_program
+from slambed.process.cpus import own_cpus
 from slambed.spec.chosen_device import has_boards
 from slambed.spec.device import VIRTUAL
 from slambed.spec.experiment import Experiment
@@ -221,7 +221,7 @@ def _virtually(
             return join_cluster(played, options.scheduler, options.jobs, notify)
         if options.slurm:
             return start_on_slurm(played, options.jobs, notify)
-        jobs = options.jobs or len(os.sched_getaffinity(0))
+        jobs = options.jobs or len(own_cpus())
         return ProcessExecutor(played, program, features, jobs)
 
     return run_plan(plan, files[1], options, executor_of, console)

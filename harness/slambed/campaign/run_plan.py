@@ -2,7 +2,6 @@
 """Executes the missing runs of a plan with any executor, or previews them."""
 
 import math
-import os
 import sys
 from collections.abc import Callable, Iterable
 from functools import partial
@@ -28,6 +27,7 @@ from slambed.files.json_file import object_or_empty
 from slambed.files.outputs import make_folder
 from slambed.files.yaml_source import YamlSource
 from slambed.metrics.collect import keep_groundtruth
+from slambed.process.cpus import own_cpus
 from slambed.spec.device import VIRTUAL
 from slambed.spec.library import Library
 from slambed.spec.run_spec import RunSpec
@@ -53,7 +53,7 @@ def run_plan(
     if options.dry_run:
         for line in being_run(options.results, experiment.id):
             print_to(console, line)
-        jobs = options.jobs or (len(os.sched_getaffinity(0)) if _is_virtual(plan) else hosts)
+        jobs = options.jobs or (len(own_cpus()) if _is_virtual(plan) else hosts)
         forced = _forced(plan.specs, options)
         kept, run_s, virtual = _kept(options), expected_run_s(plan), _is_virtual(plan)
         for line in preview(asked, folder.store, kept, run_s, jobs, forced, virtual):

@@ -16,6 +16,7 @@ from slambed.engines.docker_kinds import shortcomings
 from slambed.errors import SlambedError
 from slambed.isolation import left_out
 from slambed.native import find_program, repository_root
+from slambed.process.cpus import own_cpus
 from slambed.sampling.cgroup import version as cgroup_version
 from slambed.spec.host_speed import cpu_model, load_host_speed
 from slambed.spec.software import host_software
@@ -83,7 +84,7 @@ def _python() -> Finding:
 
 
 def _cores() -> Finding:
-    count = len(os.sched_getaffinity(0))
+    count = len(own_cpus())
     if count < MIN_CORES:
         cost = "both nodes, link and sampler share one core: timings are not valid"
         return Finding("cores", "missing", f"{count}", cost)

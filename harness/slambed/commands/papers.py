@@ -9,8 +9,8 @@ import typer
 from typer.core import TyperGroup
 
 from slambed.commands.shared_options import (
+    ClusterJobsOption,
     EngineOption,
-    JobsOption,
     SchedulerOption,
     SlurmOption,
     check_cluster,
@@ -115,7 +115,7 @@ def run(
         ),
     ] = None,
     engine: EngineOption = None,
-    jobs: JobsOption = None,
+    jobs: ClusterJobsOption = None,
     budget: Annotated[
         str | None, typer.Option(help="Start no run after this time: 2h, 90min, 1h30min.")
     ] = None,

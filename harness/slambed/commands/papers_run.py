@@ -1,7 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """`slambed papers run`: plays the experiments of papers as one campaign."""
 
-import os
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -18,6 +17,7 @@ from slambed.papers.decides import Decides, decided_words, decides, in_order
 from slambed.papers.paper_runs import experiments_of
 from slambed.papers.published import Paper
 from slambed.papers.published.paper_plan import read_plan
+from slambed.process.cpus import own_cpus
 from slambed.report.load import load
 from slambed.spec.library import Library
 from slambed.terminal import RESULTS, console
@@ -73,7 +73,7 @@ def play(papers: list[Paper], options: Options, budget_s: float | None) -> Playe
             (decides(paper, name, set(experiment.reproduces)) for paper in papers), Decides()
         )
         ahead[name] = Ahead(own, found, worth)
-    jobs = options.jobs or len(os.sched_getaffinity(0))
+    jobs = options.jobs or len(own_cpus())
     overall = Overall({name: item.outlook for name, item in ahead.items()}, jobs, budget_s)
     played = Played([], refused, overall)
     cost_s = {name: item.outlook.missing * item.outlook.run_s for name, item in ahead.items()}

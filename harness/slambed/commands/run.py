@@ -7,8 +7,8 @@ from typing import Annotated
 import typer
 
 from slambed.commands.shared_options import (
+    ClusterJobsOption,
     EngineOption,
-    JobsOption,
     SchedulerOption,
     SlurmOption,
     check_cluster,
@@ -41,7 +41,7 @@ def run(
     wait: Annotated[
         bool, typer.Option("--wait", help="Wait for another campaign on this host to end.")
     ] = False,
-    jobs: JobsOption = None,
+    jobs: ClusterJobsOption = None,
     scheduler: SchedulerOption = None,
     slurm: SlurmOption = False,
     hosts: Annotated[

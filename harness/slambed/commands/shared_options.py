@@ -23,8 +23,16 @@ JobsOption = Annotated[
     typer.Option(
         "--jobs",
         min=1,
-        help="Virtual runs at a time; all CPUs if not given. With --scheduler: all threads of its "
-        "workers; --slurm needs it.",
+        help="Virtual runs at a time; all CPUs if not given.",
+    ),
+]
+ClusterJobsOption = Annotated[
+    int | None,
+    typer.Option(
+        "--jobs",
+        min=1,
+        help="Virtual runs at a time; if not given, all CPUs, or all threads of --scheduler's "
+        "workers. --slurm needs it.",
     ),
 ]
 SchedulerOption = Annotated[

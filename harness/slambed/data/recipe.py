@@ -60,7 +60,7 @@ def _kinds_in(annotation: Any) -> set[Any]:
 
 class CameraRecipe(_Strict):
     """Camera of the source images; omitted if the dataset has its own calibration. With `euroc`:
-    the camera to which pictures are rectified, of which width, height and bf are not used."""
+    the camera to which pictures are rectified; its width, height and bf are not used."""
 
     width: int = Field(gt=0, le=LARGEST_SIDE)
     """In pixels."""

@@ -106,7 +106,7 @@ def player_volumes(plan: NodePlan) -> dict[str, dict[str, str]]:
     if not _is_static(player):
         raise environment_error(
             f"{player} needs libraries of this host, which no image of others has; "
-            "run 'slambed images'"
+            "run 'slambed images --force'"
         )
     volumes = {
         str(player): {"bind": f"{PLAYER_IN_CONTAINER}/{PLAYER}", "mode": "ro"},

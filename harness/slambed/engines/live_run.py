@@ -2,7 +2,6 @@
 """One live run: both nodes up to the start barrier, the link, start, watch, stop."""
 
 import json
-import os
 import threading
 import time
 from collections.abc import Callable, Mapping
@@ -35,6 +34,7 @@ from slambed.engines.segmenter_keeper import SegmenterKeeper
 from slambed.engines.written_bytes import TooManyBytesError, WrittenBytes
 from slambed.errors import ExitCode, KilledError, PassingError
 from slambed.link.facts import LinkFacts
+from slambed.process.cpus import own_cpus
 from slambed.process.endings import ending
 from slambed.records.run_config import PacedDevice, PacedDevices, RunConfig
 from slambed.sampling.record import (
@@ -97,7 +97,7 @@ class LiveRun:
         self._devices: dict[Role, Device] = {"mobile": spec.device_mobile}
         if spec.device_edge is not None:
             self._devices["edge"] = spec.device_edge
-        self._host_cpus = sorted(os.sched_getaffinity(0))
+        self._host_cpus = own_cpus()
         self._limits: dict[Role, Limits] = {}
         self._cpus: dict[Role, list[int]] = {}
         self._nodes: dict[Role, Node] = {}

@@ -29,6 +29,7 @@ from slambed.engines.sidecar_messages import (
 )
 from slambed.engines.thread_caps import ThreadCaps
 from slambed.errors import environment_error
+from slambed.process.cpus import own_cpus
 from slambed.process.line_protocol import LineReader, Start, Started, last_answer, message_in, send
 from slambed.sampling.cgroup import CgroupReader, GroupProcesses, paths_of
 from slambed.sampling.cpu_group import leave_cpu_group
@@ -164,7 +165,7 @@ class SidecarServer:
         own = SidecarUse(
             samples=self._sampler.samples,
             sampler_cpu_percent=percent,
-            cpus=sorted(os.sched_getaffinity(0)),
+            cpus=own_cpus(),
             metronome_cpu_percent=100 * used_s / (time.monotonic() - self._began_s),
             metronome_real_time=self._metronome.real_time,
         )

@@ -1,7 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The harness side of the sidecar (`slambed.engines.sidecar`)."""
 
-import os
 import time
 from pathlib import Path
 from typing import Protocol
@@ -17,6 +16,7 @@ from slambed.engines.sidecar_messages import (
     Stopped,
 )
 from slambed.native import find_program
+from slambed.process.cpus import own_cpus
 from slambed.process.line_protocol import LineProcess, Start, Started
 from slambed.spec.device import Limits
 from slambed.spec.system import Role
@@ -68,7 +68,7 @@ class SidecarClient:
                 for role, node in nodes.items()
             },
             samples=str(samples),
-            cpus=free_cpus(cpus, sorted(os.sched_getaffinity(0))),
+            cpus=free_cpus(cpus, own_cpus()),
             pace=str(find_program("slambed-pace")) if ticked else None,
             metronome_cpus=ticked,
             helper=engine.unprivileged,

@@ -2,7 +2,6 @@
 """Common to both engines of this host: both nodes and their clock are here."""
 
 import json
-import os
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from pathlib import Path
@@ -11,6 +10,7 @@ from slambed.engines.base import Node, Sidecar, allot_cpus
 from slambed.engines.result import NETWORK_EDGE_ADDRESS, START_AHEAD_S
 from slambed.engines.sidecar_client import SidecarClient
 from slambed.files.atomic import replacing
+from slambed.process.cpus import own_cpus
 from slambed.records.board import BoardFacts
 from slambed.spec.device import Limits
 from slambed.spec.system import Role
@@ -38,7 +38,7 @@ class ThisHostEngine(ABC):
 
     def allot(self, limits: dict[Role, Limits]) -> dict[Role, list[int]]:
         """Returns CPUs of this host."""
-        host = sorted(os.sched_getaffinity(0))
+        host = own_cpus()
         return allot_cpus(limits["mobile"], limits.get("edge"), host)
 
     def start_sidecar(

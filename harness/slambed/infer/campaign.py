@@ -5,7 +5,6 @@ Each stage is written as ordinary experiments, which `slambed run` accepts too. 
 stored by key, so a second call repeats none.
 """
 
-import os
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -27,6 +26,7 @@ from slambed.infer.rows import Made, Rows
 from slambed.papers.lookup import Found, Pool, matching
 from slambed.papers.measured import Measured, values_of
 from slambed.papers.power import seconds_per_run
+from slambed.process.cpus import own_cpus
 from slambed.report.load import load
 from slambed.spec.device import VIRTUAL
 
@@ -98,7 +98,7 @@ class Campaign:
         if known:
             return sum(known) / len(known)
         guesses = [base.run_s for base in self.rows.places.bases.values()]
-        return max(guesses) / (self.options.jobs or len(os.sched_getaffinity(0)))
+        return max(guesses) / (self.options.jobs or len(own_cpus()))
 
     def _execute(
         self, stage: str, points: Sequence[Point], cells: Sequence[str], runs: int

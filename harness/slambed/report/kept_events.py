@@ -11,7 +11,7 @@ from slambed.report.load import Results
 
 NONE_ARE_KEPT = (
     "no run has its events: packed runs have them only with --whole or --events; "
-    "\"slambed run NAME --force '*'\" plays them again"
+    "\"slambed run NAME --force '*'\", with their --engine and --runs, plays them again"
 )
 
 

@@ -30,6 +30,7 @@ from slambed.engines.docker import OUTPUT
 from slambed.engines.this_host import write_start
 from slambed.errors import PassingError, SlambedError, environment_error
 from slambed.link.probe import measure_base_ms
+from slambed.process.cpus import own_cpus
 from slambed.records.board import BoardFacts
 from slambed.records.manifest import EngineFacts
 from slambed.spec.board import RoleHost
@@ -147,7 +148,7 @@ class BoardEngine:
         """Returns all CPUs of the board for the mobile node; the edge uses this host."""
         found: dict[Role, list[int]] = {"mobile": self.connection.seen.cpus}
         if (edge := limits.get("edge")) is not None:
-            found["edge"] = allot_cpus(edge, edge, sorted(os.sched_getaffinity(0)))["edge"]
+            found["edge"] = allot_cpus(edge, edge, own_cpus())["edge"]
         return found
 
     def start(self, plan: NodePlan) -> Node:

@@ -73,7 +73,7 @@ def bring_image(
     if there is None or there.attrs["Architecture"] != wanted:
         raise environment_error(
             f"board {connection.name} is {connection.seen.architecture} and has no image {tag} for "
-            f"{wanted}; run 'make images' there, at this commit"
+            f"{wanted}; run 'slambed images' there, at this commit"
         )
     return there
 

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """papers/<id>/plan.yaml: what a campaign will decide, written before it runs.
 
-The plan freezes by digest what could be changed to fit a result: contrasts, margins, mapping. Its
-own digest goes into the report, which also lists runs from before the plan.
+The plan freezes by digest what could be changed to fit a result: contrasts, margins, mapping and
+judged numbers. Its own digest goes into the report, which also lists runs from before the plan.
 """
 
 import hashlib
@@ -139,7 +139,7 @@ class PaperPlan(BaseModel):
 
 def frozen_digest(paper: Paper) -> str:
     """Returns the digest of everything except the runs that a verdict depends on: the mapping,
-    orderings and margins. Explanatory text is left out."""
+    orderings, margins and judged numbers. Explanatory text is left out."""
     parts = _content_of(paper, {"systems", "datasets", "conditions", "metrics", "margins"})
     shape = {"id", "kind", "cells", "direction", "basis"}
     parts["contrasts"] = [_content_of(item, shape) for item in paper.contrasts]
