@@ -192,7 +192,7 @@ def _run(command: list[str], system: Path) -> str:
 
 
 def _reason(printed: str) -> str:
-    """Returns the first error of pip; the last one only repeats it."""
+    """Returns the last error of pip, which names the package."""
     lines = [line.strip() for line in printed.splitlines() if line.strip()]
     errors = [line.removeprefix("ERROR: ") for line in lines if line.startswith("ERROR: ")]
     return (errors[-1:] or lines[-1:] or ["it printed nothing"])[0]

@@ -142,6 +142,16 @@ def test_the_numbers_of_packed_runs_are_counted(tmp_path: Path) -> None:
     assert not list(tmp_path.iterdir())
 
 
+def test_the_page_of_all_papers_has_the_counts_of_the_packed_runs(tmp_path: Path) -> None:
+    code, out, _ = slambed("papers", "counts", "--packed", cwd=tmp_path)
+    assert code == 0
+    counted = [re.split(r"\s{2,}", line) for line in out.splitlines()[2:]]
+    text = (repository_root() / "docs" / "papers" / "index.md").read_text()
+    rows = re.findall(r"^\| (.+?) \| (\d+(?: \| \d+){4}) \|$", text, re.MULTILINE)
+    page = [[what, *numbers.split(" | ")] for what, numbers in rows]
+    assert page == [row for row in counted if row[-1] != "0"]
+
+
 def test_a_program_has_no_kept_runs(tmp_path: Path) -> None:
     line = refused(ExitCode.BAD_INPUT, "papers", "kept", "peer_orbslam2", cwd=tmp_path)
     assert line == "error: peer_orbslam2: no paper, so no runs are kept"
