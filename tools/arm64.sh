@@ -11,13 +11,13 @@
 # Needs root; `same` needs the programs, and with `wheel` the Python environment, of this checkout.
 set -euo pipefail
 
-# In the Debian: arm64.sh --inside HASH [test].
+# In the Debian, on the last commit: arm64.sh --inside [test].
 if [ "${1:-}" = --inside ]; then
   cmake -S . -B build -G Ninja -DCMAKE_TOOLCHAIN_FILE=cmake/aarch64.cmake -DSLAMBED_STATIC=ON -DSLAMBED_UNITY=ON \
-    -DSLAMBED_TESTS="$([ "${3:-}" = test ] && echo ON || echo OFF)" >cmake.log || { tail -n 20 cmake.log >&2; exit 1; }
+    -DSLAMBED_TESTS="$([ "${2:-}" = test ] && echo ON || echo OFF)" >cmake.log || { tail -n 20 cmake.log >&2; exit 1; }
   ninja -C build --quiet
-  echo "$2" >build/bin/sources.sha256
-  [ "${3:-}" != test ] ||
+  PYTHONPATH=harness python3 -m slambed.spec.software >build/bin/sources.sha256
+  [ "${2:-}" != test ] ||
     ctest --test-dir build --label-exclude live --parallel "$(nproc)" --output-on-failure
   exit 0
 fi
@@ -43,11 +43,12 @@ if [ ! -e "$folder/.arm64" ]; then
     DEBIAN_FRONTEND=noninteractive apt-get install -qq --no-install-recommends "$@" >/dev/null' sh $packages
   touch "$folder/.arm64"
 fi
-hash=$(PYTHONPATH=harness python3 -m slambed.spec.software)
 test=""
 if [[ $wanted == *" test "* ]]; then test="test"; fi
-bash tools/root.sh bookworm "$folder" bash tools/arm64.sh --inside "$hash" $test
+bash tools/root.sh bookworm "$folder" bash tools/arm64.sh --inside $test
 build=$(realpath "$folder")/slambed/build
+# Of the last commit, which root.sh clones: this checkout may have changes.
+hash=$(cat "$build/bin/sources.sha256")
 echo "programs for arm64: $build/bin"
 
 if [[ $wanted == *" same "* ]]; then

@@ -9,6 +9,7 @@
 set -euo pipefail
 
 suite=${1:?suite} folder=${2:?folder}
+folder=${folder%/}
 shift 2
 top=$(cd "$(dirname "$0")/.." && pwd)
 mirror=${SLAMBED_DEBIAN_MIRROR:-http://deb.debian.org/debian}
@@ -16,18 +17,27 @@ architecture=${SLAMBED_DEBIAN_ARCHITECTURE:-}
 [ "$(id -u)" -eq 0 ] || { echo "error: debootstrap and chroot need root: sudo $0" >&2; exit 3; }
 
 if [ ! -e "$folder/.made" ]; then
+  # Only what an earlier call left may be removed.
+  if [ -n "$(ls -A "$folder" 2>/dev/null)" ] && [ ! -e "$folder.partial" ]; then
+    echo "error: $folder is not empty; give a new folder" >&2
+    exit 2
+  fi
   bash "$top/tools/setup.sh" image
   # shellcheck source=tools/retry.sh
   source "$top/tools/retry.sh"
   mkdir -p "$folder"
   folder=$(realpath "$folder")
+  touch "$folder.partial"
+  # A partial system from a failed attempt would make the next one fail.
   make_system() {
+    rm -rf "$folder"
     debootstrap ${architecture:+--arch="$architecture"} --variant=minbase --include=ca-certificates,python3,python3-venv \
       "$suite" "$folder" "$mirror" >"$folder.log" 2>&1
   }
   echo "making $suite${architecture:+ for $architecture} in $folder (about two minutes)"
   thrice make_system || { tail -n 5 "$folder.log" >&2; echo "error: debootstrap failed three times, $mirror" >&2; exit 3; }
   touch "$folder/.made"
+  rm "$folder.partial"
 fi
 [ $# -gt 0 ] || exit 0
 

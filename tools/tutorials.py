@@ -342,6 +342,9 @@ def renew(page: Path, player: Player) -> bool:
 
 def main(names: list[str]) -> int:
     """Renews pages; 1 where a command fails that should not."""
+    if unknown := set(names) - {page.stem for page in PAGES.glob("*.md")}:
+        print(f"error: no page {min(unknown)} in {PAGES.relative_to(ROOT)}", file=sys.stderr)
+        return 2
     good = True
     with tempfile.TemporaryDirectory(prefix="slambed-tutorials-") as folder:
         place = Path(folder)

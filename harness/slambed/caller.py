@@ -15,11 +15,16 @@ _written: set[Path] = set()
 
 
 def give_to_caller(path: Path) -> None:
-    """Gives a folder and everything in it to the caller."""
+    """Gives a folder and everything in it to the caller. Another campaign may remove items of a
+    shared store meanwhile."""
     if (caller := _caller()) is None:
         return
-    for item in [path, *path.rglob("*")]:
-        os.lchown(item, *caller)
+    items = [path]
+    for folder, folders, files in os.walk(path):
+        items += [Path(folder, name) for name in folders + files]
+    for item in items:
+        with suppress(FileNotFoundError):
+            os.lchown(item, *caller)
 
 
 def will_be_callers(folder: Path) -> None:

@@ -11,13 +11,12 @@ from math import fsum
 from pathlib import Path
 from statistics import mean
 
-import docker
 from rich.table import Table
 
 from slambed.calibrate.host import PROGRAM, run_pace
 from slambed.engines.base import Engine, NodePlan, allot_cpus, differences, thread_invalid_reasons
 from slambed.engines.docker import DockerEngine
-from slambed.engines.docker_image import find_image, image_tag
+from slambed.engines.docker_image import connect, find_image, image_tag
 from slambed.engines.helper import is_root
 from slambed.engines.host_lock import STOP, host_lock
 from slambed.engines.local import LocalEngine
@@ -76,7 +75,7 @@ def engines(asked: str | None) -> list[Engine]:
 
 
 def _docker() -> Engine:
-    client = docker.from_env(timeout=60)
+    client = connect()
     image = find_image(client)
     if image is None:
         raise environment_error(f"image {image_tag()} is not built; run 'slambed images'")

@@ -246,12 +246,16 @@ def check_system(named: str, library: Library, notify: Callable[[str], None]) ->
     return found
 
 
-def _with_signal(code: int) -> str:
-    """Returns an exit code, with the name of the signal that it stands for."""
+def _how_it_ended(code: int | None) -> str:
+    """Returns a phrase for an exit code, with the name of the signal that it stands for; None: it
+    did not end in time."""
+    if code is None:
+        return "it had to be killed"
     try:
-        return f"{code} ({signal.Signals(code - 128).name})" if code > 128 else str(code)
+        name = f" ({signal.Signals(code - 128).name})" if code > 128 else ""
     except ValueError:
-        return str(code)
+        name = ""
+    return f"exit code {code}{name}"
 
 
 def _begins(trial: Trial, found: Checked) -> bool:
@@ -276,13 +280,13 @@ def _plays(trial: Trial, found: Checked) -> None:
     does = "plays" if trial.recording is None else "reads the folder"
     ends = f"mobile: {does} to the end and then ends by itself, exit code 0"
     if code != 0:
-        how = "it had to be killed" if code is None else f"exit code {_with_signal(code)}"
-        found.report(False, f"{ends}: {how}, {trial.last_words('mobile')}")
+        found.report(False, f"{ends}: {_how_it_ended(code)}, {trial.last_words('mobile')}")
     else:
         found.report(True, ends)
     if trial.system.has_edge:
         edge = trial.code("edge", END_PATIENCE_S)
-        found.report(edge == 0, f"edge: ends with the run{'' if edge == 0 else ': ' + str(edge)}")
+        how = "" if edge == 0 else f": {_how_it_ended(edge)}"
+        found.report(edge == 0, f"edge: ends with the run{how}")
     _answers(trial, found)
     if code == 0 and (trial.recording is None or _leaves(trial, found)):
         _path(trial, found)
@@ -400,7 +404,10 @@ def _stops(trial: Trial, found: Checked) -> None:
     stopped = object_or_empty(trial.run_dir / "mobile" / "node.json").get("stopped")
     over = trial.recording is not None and stopped is False
     good = set(codes.values()) == {0} and (stopped is True or over)
-    how = ": it had ended before" if over else ("" if good else f": {codes}")
+    how = ": it had ended before" if over else ""
+    if not good:
+        ends = (f"{role}: {_how_it_ended(code)}" for role, code in codes.items())
+        how = f": {', '.join(ends)}"
     found.report(good, f"stops when asked{how}")
 
 

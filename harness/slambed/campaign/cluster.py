@@ -90,13 +90,9 @@ def join_cluster(
     return _pool(played, client, jobs, notify, hint, FIRST_WORKER_TIMEOUT_S)
 
 
-def start_on_slurm(
-    played: Played, jobs: int | None, notify: Callable[[str], None]
-) -> ClusterExecutor:
+def start_on_slurm(played: Played, jobs: int, notify: Callable[[str], None]) -> ClusterExecutor:
     """Starts workers as Slurm jobs with one core each; queue, account and wall time come from
     Dask's configuration (jobqueue.yaml)."""
-    if jobs is None:
-        raise SlambedError("--slurm needs --jobs: how many one-core jobs to ask Slurm for")
     with _own_ctrl_c():
         jobqueue = imported("dask_jobqueue", "--slurm")
     distributed = imported("distributed", "--slurm")

@@ -139,7 +139,7 @@ def stand_in(name: str) -> str:
     if (wanted := catalog.stands_in_for(name)) is None:
         return ""
     message = played_instead(catalog.resolve(name).id, wanted.id, name)
-    return "; ".join(filter(None, [message, how_to_get(wanted)]))
+    return "; ".join(filter(None, [message, how_to_get(catalog.original(wanted))]))
 
 
 def prior_map_of(name: str) -> str | None:

@@ -109,11 +109,11 @@ def _work(asked: JoinCampaign, requests: LineReader, answer: Callable[[Message],
     cpus = _choose_cpus(asked.cores)
     with ExitStack() as until_the_end:
         tidied, load = "", "not taken, only asked"
+        notice = partial(_note, answer)
+        # If the waiting campaign ends, so does the input.
+        ended = partial(requests.next, 0.0)
         if asked.take:
             purpose = f"runs of a campaign that calls this host {asked.name}"
-            notice = partial(_note, answer)
-            # If the waiting campaign ends, so does the input.
-            ended = partial(requests.next, 0.0)
             until_the_end.enter_context(
                 host_lock(purpose, wait_s=asked.wait_s, notify=notice, meanwhile=ended)
             )
@@ -123,7 +123,7 @@ def _work(asked: JoinCampaign, requests: LineReader, answer: Callable[[Message],
         engine, software = choose_engine(asked.engine, Console(stderr=True), build)
         speed = _speed(asked.measure)
         if asked.take:
-            load = str(wait_for_quiet(asked.quiet_s, threading.Event(), lambda line: None))
+            load = str(wait_for_quiet(asked.quiet_s, threading.Event(), notice, ended))
         server_folder.sweep(SCRATCH)
         scratch = until_the_end.enter_context(tempfile.TemporaryDirectory(prefix=SCRATCH))
         until_the_end.callback(os.close, server_folder.locked(Path(scratch)))

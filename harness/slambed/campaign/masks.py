@@ -41,7 +41,7 @@ def _masks(want: MasksAsked, sequence: Sequence, notify: Notify) -> Masks:
     title = f"masks of {sequence.id} by {want.network}"
     if not is_made(mask_key(*parts)):
         notify(f"{title}: {len(prepared)} pictures")
-    path = mask_cache(*parts, partial(_progress, notify, title))
+    path = mask_cache(*parts, partial(_progress, notify, title), notify)
     return Masks(
         network=want.network,
         n_m=want.n_m,

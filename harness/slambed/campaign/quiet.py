@@ -44,13 +44,23 @@ def look(seconds: float = LOOK_S) -> Load:
     return Load(steal, max(0.0, 100.0 - share.idle - waiting - steal))
 
 
-def wait_for_quiet(limit_s: float, stop: threading.Event, notify: Callable[[str], None]) -> Load:
-    """Measures repeatedly until the host is quiet or the time limit is reached."""
+def wait_for_quiet(
+    limit_s: float,
+    stop: threading.Event,
+    notify: Callable[[str], None],
+    meanwhile: Callable[[], object] = lambda: None,
+) -> Load:
+    """Measures repeatedly until the host is quiet, the time limit is reached or `stop` is set;
+    returns the last load.
+
+    `notify` is called when waiting begins. `meanwhile` is called repeatedly while waiting; an
+    exception ends the wait.
+    """
     deadline = time.monotonic() + limit_s
     load = look()
     if not load.quiet and limit_s > 0:
         notify(f"{load}; waiting up to {limit_s / 60:.0f} min for it to become quiet")
     while not load.quiet and time.monotonic() < deadline and not stop.is_set():
+        meanwhile()
         load = look()
-    notify(str(load))
     return load

@@ -56,19 +56,35 @@ def run_experiment(
     experiment, source = library.experiment(name, options.settings)
     check_first(experiment, source)
     count = repetitions(experiment, options.runs)
-    hosts = _hosts(options)
-    asked = hosts[0].engine if hosts else options.engine or experiment.engine
+    hosts, asked = hosts_and_engine(experiment, source, options)
     profiles = check(experiment, source, library, asked)
     files = (experiment, source, library, profiles)
     check_selections(files, asked, options)
-    if hosts and experiment.roles is not None:
-        raise source.complaint("a mobile node on a board has its edge here: no --hosts", ("roles",))
     notify = partial(print_to, console)
     if hosts:
         return _on_hosts(files, hosts, options, count, console, notify)
     if asked == VIRTUAL:
         return _virtually(files, options, count, console, notify)
     return _on_this_host(files, asked, options, count, console, notify)
+
+
+def hosts_and_engine(
+    experiment: Experiment, source: YamlSource, options: Options
+) -> tuple[list[Host], str]:
+    """Returns the hosts of --hosts, none without it, and the engine. Raises SlambedError for
+    options that do not fit each other or the experiment."""
+    hosts = _hosts(options)
+    asked = hosts[0].engine if hosts else options.engine or experiment.engine
+    if (options.scheduler or options.slurm) and asked != VIRTUAL:
+        raise SlambedError(
+            "--scheduler and --slurm are for virtual runs, a live run takes a whole host: "
+            "add --engine virtual"
+        )
+    if options.slurm and options.jobs is None:
+        raise SlambedError("--slurm needs --jobs: how many one-core jobs to ask Slurm for")
+    if hosts and experiment.roles is not None:
+        raise source.complaint("a mobile node on a board has its edge here: no --hosts", ("roles",))
+    return hosts, asked
 
 
 def _provider(library: Library, notify: Notify) -> Callable[[str], Path]:
@@ -84,7 +100,6 @@ def _on_this_host(
     from slambed.campaign.choose import choose_engine, decide
     from slambed.campaign.live_executor import LiveExecutor
     from slambed.campaign.live_plan import look_ahead, plan_of, without_making
-    from slambed.campaign.quiet import wait_for_quiet
     from slambed.engines.board.engine import BoardEngine
     from slambed.engines.live_run import LinkOpener
     from slambed.engines.reaper import mark_children, reap
@@ -92,11 +107,6 @@ def _on_this_host(
     from slambed.link.run_link import open_for_run
 
     experiment, source, library, _ = files
-    if options.scheduler or options.slurm:
-        raise SlambedError(
-            "--scheduler and --slurm are for virtual runs, a live run takes a whole host: "
-            "add --engine virtual"
-        )
     decide(asked)
     provide = _provider(library, notify)
     if options.dry_run:
@@ -127,13 +137,24 @@ def _on_this_host(
             plan = plan_of(files, engine, software, count, provide, notify, known)
 
             def executor_of(played: Played) -> Executor:
-                with stop_on_signal() as stop:
-                    wait_for_quiet(60.0 * options.quiet_within_min, stop, notify)
+                _await_quiet(60.0 * options.quiet_within_min, notify)
                 if board is not None:
                     bring_sequences(board, played)
                 return LiveExecutor(board or engine, open_link, played)
 
             return run_plan(plan, source, options, executor_of, console)
+
+
+def _await_quiet(limit_s: float, notify: Notify) -> None:
+    """Waits until this host is quiet. A signal meanwhile raises KeyboardInterrupt, so that the
+    campaign does not start."""
+    from slambed.campaign.quiet import wait_for_quiet
+
+    with stop_on_signal() as stop:
+        load = wait_for_quiet(limit_s, stop, notify)
+    if stop.is_set():
+        raise KeyboardInterrupt
+    notify(str(load))
 
 
 def _not_idle(played: Played) -> Executor:
@@ -219,7 +240,7 @@ def _virtually(
     def executor_of(played: Played) -> Executor:
         if options.scheduler:
             return join_cluster(played, options.scheduler, options.jobs, notify)
-        if options.slurm:
+        if options.slurm and options.jobs is not None:
             return start_on_slurm(played, options.jobs, notify)
         jobs = options.jobs or len(own_cpus())
         return ProcessExecutor(played, program, features, jobs)

@@ -75,8 +75,8 @@ def run_plan(
         try:
             executor = NoRuns() if is_idle(plan, options) else executor_of(played)
         except KeyboardInterrupt:
-            # While the first job of a cluster is waited for, or the second one while the host is to
-            # become quiet; both may take hours.
+            # It waited for the first job of a cluster, or for this host to become quiet; both may
+            # take hours.
             return CampaignOutcome(interrupted=True)
         try:
             folder.create()

@@ -32,7 +32,9 @@ def bisect(
     settings: Annotated[
         list[str] | None, typer.Option("--set", help="KEY=VALUE instead of the file's.")
     ] = None,
-    alpha: Annotated[float, typer.Option(help="Chance of a false alarm at a commit.")] = 0.05,
+    alpha: Annotated[
+        float, typer.Option(min=1e-6, max=0.5, help="Chance of a false alarm at a commit.")
+    ] = 0.05,
     results: Annotated[Path, typer.Option(help="Folder of all results.")] = Path("results"),
 ) -> None:
     """Find the first commit that fails the regression gate, with virtual runs of equal seeds.

@@ -120,6 +120,7 @@ def _offer_download(name: str) -> None:
     if (wanted := catalog.stands_in_for(name)) is None:
         return
     message = played_instead(catalog.resolve(name).id, wanted.id, name)
+    wanted = catalog.original(wanted)
     if not sys.stdin.isatty() or wanted.download is None or wanted.download.unpack == "none":
         line = "; ".join(filter(None, [message, how_to_get(wanted)]))
         typer.echo(f"note: {line}", err=True)
@@ -182,6 +183,10 @@ def difficulty(
     from slambed.data.difficulty import measure
     from slambed.data.difficulty_report import csv_of, draw, lines_of
 
+    file = figure_file(output) if output else places.picture("difficulty.png")
+    _must_be_writable(file, "--output")
+    if table is not None:
+        _must_be_writable(table, "--table")
     measured = []
     for name in datasets:
         sequence = prepare(name)
@@ -191,9 +196,17 @@ def difficulty(
     if table is not None:
         with writing(table, "--table"):
             table.write_text(csv_of(measured))
-    file = figure_file(output) if output else places.picture("difficulty.png")
     draw(measured, file)
     typer.echo(f"figure: {file}")
+
+
+def _must_be_writable(path: Path, option: str) -> None:
+    """Raises SlambedError before long work whose result could not be written to this file."""
+    with writing(path, option):
+        new = not path.exists()
+        path.open("ab").close()
+        if new:
+            path.unlink()
 
 
 @app.command()
@@ -246,7 +259,7 @@ def download(
     from slambed.data.download import recipe_text
 
     catalog = Catalog.load()
-    chosen = catalog.get(dataset)
+    chosen = catalog.original(catalog.get(dataset))
     folder = places.download_folder()
     if dry_run:
         typer.echo(recipe_text(chosen, folder))

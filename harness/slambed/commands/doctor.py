@@ -138,8 +138,12 @@ def _image() -> Finding:
         client = connect()
     except SlambedError:
         return Finding("image", "missing", "no Docker", "engine local needs none")
-    found = find_image(client)
-    client.close()
+    try:
+        found = find_image(client)
+    except SlambedError as error:
+        return Finding("image", "missing", str(error), "engine local needs none")
+    finally:
+        client.close()
     if found is None:
         cost = "built by the next run with engine docker, or by 'slambed images'"
         return Finding("image", "missing", f"{image_tag()} is not built", cost)

@@ -94,6 +94,19 @@ def explain(
             "--output names the timeline alone; for the folder of all pictures, also of --path, "
             "give --out instead"
         )
+    window_given = [begin is not None, end is not None, around is not None]
+    if count is not None or messages is not None:
+        others = (output, out, sequence, count if messages is not None else None)
+        if path or rerun or any(window_given) or any(given is not None for given in others):
+            option = "--messages" if messages is not None else "--slowest"
+            raise SlambedError(f"{option} draws nothing; give it alone")
+    if sequence is not None and not rerun:
+        raise SlambedError("--sequence has the images of a recording; give it with --rerun")
+    if (path or rerun) and any(window_given):
+        option = "--rerun" if rerun else "--path"
+        raise SlambedError(f"{option} shows the whole run; leave out --from, --to and --around")
+    if around is not None and (begin is not None or end is not None):
+        raise SlambedError("--around is a time window itself; leave out --from and --to")
     if (experiment := experiment_named(run, results)) is not None:
         median = median_run_of(experiment, only or ())
         typer.echo(f"run {median.key}: the median of {median.among} of {median.cell}")
@@ -105,11 +118,6 @@ def explain(
         )
     else:
         folder = find_run(run, results)
-    if count is not None or messages is not None:
-        others = (output, begin, end, around, count if messages is not None else None)
-        if path or rerun or any(given is not None for given in others):
-            option = "--messages" if messages is not None else "--slowest"
-            raise SlambedError(f"{option} draws nothing; give it alone")
     if messages is not None:
         typer.echo(write_messages(read_run(folder), messages))
         return

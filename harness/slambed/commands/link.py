@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -28,7 +29,7 @@ def measure(
     name: Annotated[str, typer.Argument(help="Profile: name or YAML file.")] = "ramp",
     values: SetOption = None,
     backend: Annotated[str, typer.Option(help="relay, netem, none or auto.")] = "auto",
-    seconds: Annotated[float, typer.Option(help="How long.")] = 20.0,
+    seconds: Annotated[float, typer.Option(min=1.0, help="How long.")] = 20.0,
     seed: Annotated[int, typer.Option(help="Of losses and jitter.")] = 1,
     tcp: Annotated[bool, typer.Option(help="Also follow a TCP connection's tcpi_rtt.")] = False,
     log: Annotated[Path | None, typer.Option(help="Link log to write: .csv or .parquet.")] = None,
@@ -71,7 +72,7 @@ def _write_log(frame: pd.DataFrame, path: Path, option: str = "--output") -> Non
 @app.command()
 def bench(
     backend: Annotated[str, typer.Option(help="relay or netem.")] = "relay",
-    seconds: Annotated[float, typer.Option(help="Per profile.")] = 30.0,
+    seconds: Annotated[float, typer.Option(min=1.0, help="Per profile.")] = 30.0,
     output: Annotated[
         Path, typer.Option("-o", "--output", help="Folder for the table and the logs.")
     ] = Path("bench"),
@@ -179,16 +180,41 @@ def compare(
     output: PictureOption = None,
 ) -> None:
     """Plot link logs side by side: requested, applied and measured RTT, and the error."""
-    import pandas as pd
-
     from slambed.link.plots import plot_links
 
-    frames = {}
-    for path in logs:
-        if not path.is_file():
-            raise SlambedError(f"no such link log: {path}")
-        read = pd.read_parquet if path.suffix == ".parquet" else pd.read_csv
-        frames[path.stem.replace("_", ", ", 1)] = read(path)
+    frames = {title: _read_log(path) for title, path in _titles(logs).items()}
     file = figure_file(output) if output else picture("links.png")
     plot_links(frames, file)
     typer.echo(f"plot: {file}")
+
+
+def _titles(logs: list[Path]) -> dict[str, Path]:
+    """Returns the logs by title: the file's name, of several with one name the folder's, and of
+    several such folders the whole path."""
+    logs = list(dict.fromkeys(logs))
+    stems = Counter(path.stem for path in logs)
+    folders = Counter(path.absolute().parent.name for path in logs if stems[path.stem] > 1)
+    titles = {}
+    for path in logs:
+        title, folder = path.stem.replace("_", ", ", 1), path.absolute().parent.name
+        if stems[path.stem] > 1:
+            title = folder if folders[folder] == 1 else str(path)
+        titles[title] = path
+    return titles
+
+
+def _read_log(path: Path) -> pd.DataFrame:
+    import pandas as pd
+
+    if not path.is_file():
+        raise SlambedError(f"no such link log: {path}")
+    try:
+        frame = pd.read_parquet(path) if path.suffix == ".parquet" else pd.read_csv(path)
+        if missing := {"t_s", "series", "value"} - set(frame):
+            raise ValueError(f"it has no column {min(missing)}")
+        return frame.astype({"t_s": float, "series": str, "value": float})
+    except (OSError, ValueError, TypeError) as broken:
+        reason = str(broken).partition("\n")[0]
+        raise SlambedError(
+            f"{path} is no link log: {reason}; give one of 'link bench', or a run's link.parquet"
+        ) from None

@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import json
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -21,6 +22,7 @@ if TYPE_CHECKING:
     from slambed.segment.mask_cache import MaskCache
 
 NETWORK, QUALITY, N_M = "slambed_people", 90, 0.8
+say = partial(typer.echo, err=True)
 
 app = typer.Typer(help="Networks, and what they find in sequences.")
 Id = Annotated[str, typer.Argument(help="id or alias of a dataset, or a prepared folder")]
@@ -106,7 +108,7 @@ def score(
         reported = {"marked_share_mean": float(np.mean(shares)), "marked_share_max": max(shares)}
         typer.echo(json.dumps(reported))
         return
-    truth = MaskCache.open(mask_cache(sequence, TRUTH, quality, n_m))
+    truth = MaskCache.open(mask_cache(sequence, TRUTH, quality, n_m, notify=say))
     scores = Scores()
     for i in range(len(masks)):
         scores.add(masks.frame(i), truth.frame(i))
@@ -121,7 +123,7 @@ def _masks(
     from slambed.segment.masks import mask_cache
 
     sequence = prepare(dataset)
-    path = mask_cache(sequence, network, quality, n_m)
+    path = mask_cache(sequence, network, quality, n_m, notify=say)
     return sequence, MaskCache.open(path), path
 
 

@@ -136,6 +136,18 @@ def run(
 
     check_engine(engine)
     check_cluster(scheduler, slurm)
+    if reuse_only:
+        given = {
+            "--runs": runs,
+            "--engine": engine,
+            "--jobs": jobs,
+            "--budget": budget,
+            "--part": part,
+            "--scheduler": scheduler,
+            "--slurm": slurm or None,
+        }
+        if ignored := [option for option, value in given.items() if value is not None]:
+            raise SlambedError(f"--reuse-only executes nothing; leave out {', '.join(ignored)}")
     chosen = read_papers(None if name == "all" else [name])
     pages = [paper.id for paper in chosen]
     seconds = None if budget is None else budget_s(budget)
@@ -181,6 +193,8 @@ def counts(
 
     chosen = [paper for paper in read_papers(names or None) if paper.kind == "paper"]
     if packed:
+        if results != RESULTS:
+            raise SlambedError("--packed counts the packed runs alone; leave out --results")
         if missing := [paper.id for paper in chosen if kept_file(paper.id) is None]:
             raise SlambedError(f"{', '.join(missing)}: no packed runs; leave --packed out")
         with tempfile.TemporaryDirectory(prefix="slambed-packed.") as place:

@@ -67,6 +67,10 @@ def report(
     if losses:
         if experiment == "all":
             raise SlambedError("--losses is about one experiment; name it")
+        if again or every or not figures:
+            raise SlambedError(
+                "--losses writes no report; leave out --again, --all and --no-figures"
+            )
         from slambed.commands.report_losses import show_losses
 
         show_losses(folders[0], experiment, output, as_json)
@@ -205,7 +209,9 @@ def gate(
         Path | None, typer.Option(help="Results folder, history (.parquet) or .csv.")
     ] = None,
     results: ResultsOption = RESULTS,
-    alpha: Annotated[float, typer.Option(help="Chance of a false alarm in a night.")] = 0.05,
+    alpha: Annotated[
+        float, typer.Option(min=1e-6, max=0.5, help="Chance of a false alarm in a night.")
+    ] = 0.05,
     history: Annotated[
         Path | None, typer.Option(help="Parquet file to append tonight's runs to.")
     ] = None,

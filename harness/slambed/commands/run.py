@@ -89,9 +89,9 @@ def run(
     from slambed.campaign import plan
     from slambed.campaign.check_engine import engine_here
     from slambed.campaign.options import Options
+    from slambed.campaign.run_experiment import hosts_and_engine
     from slambed.commands.report_request import check_figure_names
     from slambed.commands.run_and_report import raise_unless_good, run_and_report
-    from slambed.spec.hosts import read_hosts
     from slambed.spec.library import Library
 
     if experiment is None:
@@ -100,29 +100,6 @@ def run(
     must_be_an_experiment(experiment, Library().experiments())
     check_engine(engine)
     check_cluster(scheduler, slurm)
-    if check:
-        library = Library()
-        if only or force:
-            raise SlambedError(
-                "--check does not take --only or --force; --dry-run shows which runs they select"
-            )
-        found, source = library.experiment(experiment, settings)
-        plan.repetitions(found, runs)
-        check_figure_names(found, source)
-        others = read_hosts(hosts, on or [], engine) if hosts else []
-        asked = others[0].engine if others else engine or found.engine
-        profiles = plan.check(found, source, library, asked)
-        typer.echo(f"{source.path}: good")
-        remarks = plan.unplayed(found, profiles) + plan.remarks_on(profiles)
-        for line in plan.notes(found, library) + remarks:
-            typer.echo(f"note: {line}")
-        if others:
-            typer.echo(f"engine: {asked}; not checked here, because the hosts of --hosts play")
-            return
-        for line in engine_here(asked, found, library):
-            typer.echo(line)
-        return
-    screen = console()
     options = Options(
         runs,
         engine,
@@ -141,6 +118,28 @@ def run(
         keep_going,
         dry_run,
     )
+    if check:
+        library = Library()
+        if only or force:
+            raise SlambedError(
+                "--check does not take --only or --force; --dry-run shows which runs they select"
+            )
+        found, source = library.experiment(experiment, settings)
+        plan.repetitions(found, runs)
+        check_figure_names(found, source)
+        others, asked = hosts_and_engine(found, source, options)
+        profiles = plan.check(found, source, library, asked)
+        typer.echo(f"{source.path}: good")
+        remarks = plan.unplayed(found, profiles) + plan.remarks_on(profiles)
+        for line in plan.notes(found, library) + remarks:
+            typer.echo(f"note: {line}")
+        if others:
+            typer.echo(f"engine: {asked}; not checked here, because the hosts of --hosts play")
+            return
+        for line in engine_here(asked, found, library):
+            typer.echo(line)
+        return
+    screen = console()
     verdict = run_and_report(experiment, options, screen, figures)
     if verdict.interrupted:
         raise interrupted()

@@ -142,6 +142,14 @@ class Catalog:
         it."""
         return str(self._home(dataset) / name) if name.endswith(YAML) else name
 
+    def original(self, dataset: Dataset) -> Dataset:
+        """Returns the recording that somebody has to get: the first choice of a `first_of`, the
+        whole of a part; any other dataset is returned unchanged."""
+        if dataset.first_of:
+            self.resolve(dataset.id)  # raises where a choice leads back here
+            return self.original(self.get(self._named_by(dataset, dataset.first_of[0])))
+        return self.whole(dataset)
+
     def available(self, dataset: Dataset, cache_dir: Path | None = None) -> bool:
         """Returns whether prepare would find the source."""
         dataset = self.whole(dataset)

@@ -32,8 +32,9 @@ def export(
     """Writes `path` atomically: tum (rgb/, depth/, lists, groundtruth.txt), euroc (mav0/), kitti
     (image_0, image_1, times.txt, calib.txt, poses.txt) or mcap (a ROS 2 bag).
 
-    Images are gray, as played; `indices` selects frames, default all. Raises SlambedError for a
-    layout that does not support the sensor, and if `path` exists.
+    Images are gray, as played, for kitti without the distortion of their lens; `indices` selects
+    frames, default all. Raises SlambedError for a layout that does not support the sensor, and if
+    `path` exists.
     """
     if layout not in FORMATS:
         raise SlambedError(f"unknown format '{layout}'; known: {', '.join(FORMATS)}")
@@ -135,8 +136,14 @@ def _kitti(part: Part, folder: Path) -> None:
     stereo = part.sequence.info.sensor == "stereo"
     for side in (0, 1) if stereo else (0,):
         (folder / f"image_{side}").mkdir()
+    # calib.txt has no place for distortion. Stereo pictures have none.
+    matrix = np.array([[camera.fx, 0, camera.cx], [0, camera.fy, camera.cy], [0, 0, 1]])
+    lens = np.array(camera.distortion)
     for index, frame in enumerate(part.frames()):
-        _write(folder / "image_0" / f"{index:06d}.png", frame.gray)
+        gray = frame.gray
+        if lens.any():
+            gray = np.asarray(cv2.undistort(gray, matrix, lens), np.uint8)
+        _write(folder / "image_0" / f"{index:06d}.png", gray)
         if frame.second is not None:
             _write(folder / "image_1" / f"{index:06d}.png", frame.second)
     times = [_seconds(int(t), 9) for t in folder_times_ns(part.sequence, "kitti")[part.indices]]

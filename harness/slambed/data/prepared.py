@@ -292,8 +292,9 @@ class PreparedWriter:
         trace: TracebackType | None,
     ) -> None:
         assert self._file is not None
-        self._file.close()
         try:
+            # A full disk may show only here.
+            self._file.close()
             if kind is None:
                 self._finish()
         finally:

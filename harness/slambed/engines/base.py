@@ -11,6 +11,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Protocol
 
+import psutil
+
 from slambed.engines.sidecar_messages import Stopped
 from slambed.records.board import BoardFacts
 from slambed.records.manifest import EngineFacts
@@ -92,6 +94,9 @@ class Node(Protocol):
 
     def freeze(self, frozen: bool) -> None:
         """Freezes or continues its processes; the kernel's TCP stack keeps running."""
+
+    def is_frozen(self) -> bool:
+        """Returns whether `freeze` has taken effect; False if it has gone."""
 
     def remove(self) -> None:
         """Removes everything but the output files; safe to call twice."""
@@ -199,6 +204,14 @@ class Engine(Protocol):
 def netns(pid: int) -> Path:
     """Returns the network namespace of a process."""
     return Path(f"/proc/{pid}/ns/net")
+
+
+def is_stopped(pid: int) -> bool:
+    """Returns whether the process is stopped by SIGSTOP; False if it has gone."""
+    try:
+        return psutil.Process(pid).status() == psutil.STATUS_STOPPED
+    except psutil.NoSuchProcess:
+        return False
 
 
 class ProcessWatch:

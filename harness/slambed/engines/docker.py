@@ -19,6 +19,7 @@ from slambed.engines.base import (
     ProcessWatch,
     SegmenterSidecar,
     config_name,
+    is_stopped,
     netns,
 )
 from slambed.engines.cgroups import V1_LARGEST_SHARES, put_before_others
@@ -119,6 +120,10 @@ class DockerNode:
                 (self.container.pause if frozen else self.container.unpause)()
             else:
                 self.container.kill("SIGSTOP" if frozen else "SIGCONT")
+
+    def is_frozen(self) -> bool:
+        """Asks the daemon about a paused container: its processes do not count as stopped."""
+        return is_paused(self.container) if self.several_processes else is_stopped(self.pid)
 
     def remove(self) -> None:
         """Removes the container, and the one that held its network."""
@@ -368,6 +373,16 @@ def _volumes(plan: NodePlan) -> dict[str, dict[str, str]]:
         str(plan.sequence.resolve()): {"bind": SEQUENCE, "mode": "ro"},
         str(plan.run_dir.resolve()): {"bind": OUTPUT, "mode": "rw"},
     }
+
+
+def is_paused(container: Any) -> bool:
+    """Returns whether the kernel's freezer holds the processes of a container; False if it has
+    gone, or its daemon has."""
+    try:
+        container.reload()
+    except DAEMON_ERRORS:
+        return False
+    return bool(container.attrs["State"]["Paused"])
 
 
 def _remove(container: Any) -> None:

@@ -12,8 +12,6 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Protocol
 
-import psutil
-
 from slambed.engines.base import Engine, Node, NodePlan, Sidecar
 from slambed.errors import PassingError
 from slambed.spec.faults import FAULT_FILE, Fault
@@ -48,12 +46,12 @@ class RunEdge:
         self.nodes["edge"].kill()
 
     def freeze(self, frozen: bool) -> None:
-        """Sends SIGSTOP or SIGCONT and waits until it has taken effect, so that only real faults
-        are logged."""
+        """Freezes or continues the node and waits until it has taken effect, so that only real
+        faults are logged."""
         node = self.nodes["edge"]
         node.freeze(frozen)
         deadline = time.monotonic() + SIGNAL_TIMEOUT_S
-        while node.exit_code() is None and is_stopped(node.pid) != frozen:
+        while node.exit_code() is None and node.is_frozen() != frozen:
             if time.monotonic() > deadline:
                 word = "frozen" if frozen else "woken"
                 raise PassingError(f"the edge node was not {word}, process {node.pid}")
@@ -66,14 +64,6 @@ class RunEdge:
         self.cleanup.callback(node.remove)
         self.nodes["edge"] = node
         self.sidecar.follow("edge", node)
-
-
-def is_stopped(pid: int) -> bool:
-    """Returns whether the process is stopped by SIGSTOP; False if it has gone."""
-    try:
-        return psutil.Process(pid).status() == psutil.STATUS_STOPPED
-    except psutil.NoSuchProcess:
-        return False
 
 
 @dataclass(frozen=True)

@@ -18,6 +18,7 @@ from slambed.engines.base import (
     ProcessWatch,
     SegmenterSidecar,
     config_name,
+    is_stopped,
     last_line,
     netns,
 )
@@ -107,6 +108,10 @@ class LocalNode:
         """Sends SIGSTOP or SIGCONT to its process group."""
         if self._process.poll() is None:
             os.killpg(self.pid, signal.SIGSTOP if frozen else signal.SIGCONT)
+
+    def is_frozen(self) -> bool:
+        """Returns whether its program is stopped."""
+        return is_stopped(self.pid)
 
     def remove(self) -> None:
         """Kills the process and removes its cgroups."""

@@ -15,7 +15,7 @@ import subprocess
 import threading
 import time
 from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -293,12 +293,16 @@ def _made_once(cache: Path | None) -> Iterator[None]:
 
 
 def prune_features(folder: Path, limit_bytes: int = CACHE_BYTES) -> None:
-    """Removes leftovers of killed runs, and the least recently used caches beyond the limit."""
+    """Removes leftovers of killed runs, and the least recently used caches beyond the limit. Locks
+    stay: other processes may wait on them."""
     caches = (path for suffix in CACHES for path in folder.glob(f"*{suffix}*"))
-    found = [(path.stat(), path) for path in caches if path.is_file()]
+    found: list[tuple[os.stat_result, Path]] = []
+    for path in caches:
+        with suppress(FileNotFoundError):  # another campaign may have removed it
+            if path.is_file():
+                found.append((path.stat(), path))
     left = limit_bytes
     for status, path in sorted(found, key=lambda item: -item[0].st_mtime):
         left -= status.st_size
         if left < 0 or (path.suffix not in CACHES and status.st_mtime < time.time() - 3600):
             path.unlink(missing_ok=True)
-            path.with_suffix(".lock").unlink(missing_ok=True)

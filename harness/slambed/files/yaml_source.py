@@ -241,7 +241,8 @@ def matching(pattern: str, expected: str) -> tuple[Any, Any]:
     because few readers know regular expressions."""
 
     def check(text: str) -> str:
-        if not re.match(pattern, text):
+        # `$` alone would accept an end of line after it.
+        if not re.match(pattern, text) or text.endswith("\n"):
             raise PydanticCustomError(_EXPECTED, "{expected}", {"expected": f"expected {expected}"})
         return text
 

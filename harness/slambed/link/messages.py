@@ -12,7 +12,7 @@ import tempfile
 import threading
 import time
 from collections.abc import Sequence
-from contextlib import ExitStack
+from contextlib import ExitStack, suppress
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -20,6 +20,7 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
+from slambed.errors import environment_error
 from slambed.link.backend import open_link
 from slambed.link.modeled import modeled_link
 from slambed.link.profile import Profile, parse_profile
@@ -32,6 +33,7 @@ PORT = 47095
 HEADER_BYTES = 44
 """Header of a frame on a channel (runtime/frame_header.hpp), which the virtual link adds."""
 HEAD_START_S = 0.5
+CONNECT_TIMEOUT_S = 20.0
 LONGEST_STALL_S = 150.0
 """TCP's retransmission timeout backs off to 120 s."""
 NS = 1e9
@@ -113,8 +115,13 @@ def live_ms(
             inside(edge, lambda: socket.create_server((EDGE_ADDRESS, PORT)))
         )
         client = stack.enter_context(
-            inside(mobile, lambda: socket.create_connection((EDGE_ADDRESS, PORT), timeout=20))
+            inside(
+                mobile,
+                lambda: socket.create_connection((EDGE_ADDRESS, PORT), timeout=CONNECT_TIMEOUT_S),
+            )
         )
+        # Otherwise the timeout of the connection holds for every message, too.
+        client.settimeout(LONGEST_STALL_S)
         peer, _ = server.accept()
         stack.enter_context(peer)
         client.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
@@ -123,9 +130,10 @@ def live_ms(
         link.start(int(begin * NS))
 
         def send() -> None:
-            for due_s, size in zip(trace.sent_s, trace.sizes, strict=True):
-                time.sleep(max(0.0, begin + due_s - time.monotonic()))
-                client.sendall(bytes(int(size)))
+            with suppress(OSError):  # the reader reports what does not arrive
+                for due_s, size in zip(trace.sent_s, trace.sizes, strict=True):
+                    time.sleep(max(0.0, begin + due_s - time.monotonic()))
+                    client.sendall(bytes(int(size)))
 
         thread = threading.Thread(target=send, daemon=True)
         thread.start()
@@ -140,7 +148,14 @@ def _take(peer: socket.socket, size: int) -> float:
     """Returns the time at which the last byte of a message arrived."""
     left = size
     while left > 0:
-        if not (piece := peer.recv(min(left, 1 << 18))):
+        try:
+            piece = peer.recv(min(left, 1 << 18))
+        except TimeoutError:
+            raise environment_error(
+                f"the link carried nothing for {LONGEST_STALL_S:.0f} s; use a profile with "
+                "shorter cuts and less loss"
+            ) from None
+        if not piece:
             raise ConnectionError("the sender closed the connection")
         left -= len(piece)
     return time.monotonic()

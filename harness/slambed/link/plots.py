@@ -74,7 +74,8 @@ def _plot_rates(axes: Axes, profile: Profile, end_s: float) -> None:
 def plot_links(links: Mapping[str, pd.DataFrame], path: Path) -> None:
     """Plots commanded, applied and measured RTT of links, two per row, with errors below.
 
-    Each frame is a link log (t_s, series, value); the series `tcp_rtt_ms` is optional.
+    Each frame is a link log (t_s, series, value) with any of the series; a real network has only
+    measured RTTs.
     """
     columns = min(len(links), COLUMNS)
     blocks = -(-len(links) // columns)
@@ -90,12 +91,12 @@ def plot_links(links: Mapping[str, pd.DataFrame], path: Path) -> None:
         if column == 0:
             top.set_ylabel("RTT [ms]")
             bottom.set_ylabel("error [ms]")
-        if place == 0:
-            top.legend(frameon=False)
         for each in (top, bottom):
             each.grid(color="#dddddd")
     for bottom in axes[-1]:
         bottom.set_xlabel("run time [s]")
+    # One legend suffices, where most is drawn.
+    max(axes[::2].flat, key=lambda top: len(top.lines)).legend(frameon=False)
     with writing(path):
         figure.savefig(path, dpi=LINKS_DPI, pil_kwargs={"optimize": True})
 
@@ -103,7 +104,6 @@ def plot_links(links: Mapping[str, pd.DataFrame], path: Path) -> None:
 def _plot_link(top: Axes, bottom: Axes, frame: pd.DataFrame) -> None:
     chosen = frame[frame["t_s"] >= 0]
     series = {str(name): rows.sort_values("t_s") for name, rows in chosen.groupby("series")}
-    asked = series["asked_rtt_ms"]
     if (tcp := series.get("tcp_rtt_ms")) is not None:
         top.plot(tcp["t_s"], tcp["value"], color=TCP, lw=1, label="tcpi_rtt")
     if (probe := series.get("probe_rtt_ms")) is not None:
@@ -112,7 +112,8 @@ def _plot_link(top: Axes, bottom: Axes, frame: pd.DataFrame) -> None:
         up, down = series["applied_up_ms"], series["applied_down_ms"]
         both = up["value"].to_numpy() + np.interp(up["t_s"], down["t_s"], down["value"])
         top.plot(up["t_s"], both, color=APPLIED, lw=0.8, label="applied")
-    top.plot(asked["t_s"], asked["value"], color=ASKED, lw=0.8, ls="--", label="asked")
+    if (asked := series.get("asked_rtt_ms")) is not None:
+        top.plot(asked["t_s"], asked["value"], color=ASKED, lw=0.8, ls="--", label="asked")
     if (error := series.get("probe_error_ms")) is not None:
         bottom.plot(error["t_s"], error["value"], ".", color=MEASURED, ms=2)
         beyond = int((error["value"].abs() > ERROR_SPAN_MS).sum())

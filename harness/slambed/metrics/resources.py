@@ -15,8 +15,6 @@ class Resources:
     """CPU in percent of one core; memory in MiB; None if the counters were missing."""
 
     cpu_percent_mean: float | None
-    cpu_percent_p50: float | None
-    cpu_percent_p95: float | None
     memory_mb_peak: float | None
     memory_mb_mean: float | None
     memory_mb_per_min: float | None
@@ -30,7 +28,7 @@ class Resources:
     """The same as a time, summed over all threads."""
 
 
-NOTHING = Resources(None, None, None, None, None, None, None, None, None, None)
+NOTHING = Resources(None, None, None, None, None, None, None, None)
 
 
 def resources_of(samples: pd.DataFrame, node: str, end_s: float | None) -> Resources:
@@ -39,14 +37,12 @@ def resources_of(samples: pd.DataFrame, node: str, end_s: float | None) -> Resou
     if samples.empty or "node" not in samples:
         return NOTHING
     own = _Rows(samples, node, end_s)
-    percent, memory = own.column("cpu_percent"), own.column("memory_mb")
+    memory = own.column("memory_mb")
     throttled = own.increase("throttled_s")
     span, cpu = own.span_s(), own.increase("cpu_s")
     waited = _waited_s(own.increase("run_delay_s"), throttled)
     return Resources(
         cpu_percent_mean=100.0 * cpu / span if cpu is not None and span else None,
-        cpu_percent_p50=float(np.quantile(percent, 0.5)) if len(percent) else None,
-        cpu_percent_p95=float(np.quantile(percent, 0.95)) if len(percent) else None,
         memory_mb_peak=float(memory.max()) if len(memory) else None,
         memory_mb_mean=float(memory.mean()) if len(memory) else None,
         memory_mb_per_min=own.slope_per_min("memory_mb"),

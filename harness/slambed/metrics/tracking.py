@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Tracking quality: losses, coverage, relocalizations, step times."""
+"""Tracking quality: losses, relocalizations, step times."""
 
 from dataclasses import dataclass
 
@@ -26,11 +26,6 @@ class Tracking:
     """Sequence time between each loss and the next pose, or the end of the run."""
     reloc_s_max: float | None
     """Longest time from the first frame with enough features, while lost, to the next pose."""
-
-    @property
-    def coverage(self) -> float | None:
-        """Share of the offered frames with a pose."""
-        return self.frames_tracked / self.frames_total if self.frames_total else None
 
     @property
     def first_loss_s(self) -> float | None:

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import pandas as pd
 
+from slambed.errors import SlambedError
 from slambed.files.yaml_source import load_yaml
 from slambed.native import repository_root
 
@@ -35,9 +36,12 @@ def read_fits(folder: Path | None = None) -> list[DeviceFit]:
         content = load_yaml(path).data
         if not isinstance(content, dict) or not content.get("fits"):
             continue
-        # A `given` device was not fitted, so its runs alone involve no fitted number.
-        fitted = (d for d in content.get("devices", {}).values() if not d.get("given"))
-        devices = frozenset(str(n) for d in fitted for n in (d["device"], *d.get("also", [])))
+        try:
+            # A `given` device was not fitted, so its runs alone involve no fitted number.
+            fitted = (d for d in content.get("devices", {}).values() if not d.get("given"))
+            devices = frozenset(str(n) for d in fitted for n in (d["device"], *d.get("also", [])))
+        except (AttributeError, KeyError, TypeError):
+            raise SlambedError(f"{path}: devices: expected roles, each with a 'device'") from None
         found.append(DeviceFit(path.stem, tuple(map(str, content["fits"])), devices))
     return found
 

@@ -2,7 +2,7 @@
 """Judges the declared orderings of a paper with our runs."""
 
 from collections import Counter
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from math import isnan
 from typing import Literal
@@ -349,15 +349,22 @@ def outcome_of(item: JudgedOrdering) -> str:
 def judge_orderings(judge: Judge) -> list[JudgedOrdering]:
     """Judges all contrasts of the paper; the paper's own p values are Holm-adjusted per table."""
     found = [OrderingCase(judge, contrast) for contrast in judge.paper.contrasts]
+    adjusted = papers_p_values(found)
+    return [case.judged(adjusted.get(case.contrast.id)) for case in found]
+
+
+def papers_p_values(cases: Sequence["OrderingCase"]) -> dict[str, float]:
+    """Returns the p value of each testable ordering by the paper's own numbers, Holm-adjusted per
+    table, by the id of its contrast."""
     by_table: dict[str, list[OrderingCase]] = {}
-    for case in found:
+    for case in cases:
         if case.testable:
             by_table.setdefault(case.source, []).append(case)
-    adjusted: dict[str, float] = {}
-    for cases in by_table.values():
-        p_values = holm([case.p_paper() for case in cases])
-        adjusted |= {c.contrast.id: float(p) for c, p in zip(cases, p_values, strict=True)}
-    return [case.judged(adjusted.get(case.contrast.id)) for case in found]
+    found: dict[str, float] = {}
+    for group in by_table.values():
+        p_values = holm([case.p_paper() for case in group])
+        found |= {c.contrast.id: float(p) for c, p in zip(group, p_values, strict=True)}
+    return found
 
 
 class OrderingCase:

@@ -210,7 +210,10 @@ def _recording(verdicts: PaperVerdicts, row: Judged) -> str:
 def _how_to_get(name: str) -> str:
     """Returns how to get a sequence; empty where it is not known, or nothing offers it."""
     recipe = _recipe(name)
-    return how_to_get(recipe) if recipe is not None else ""
+    if recipe is None:
+        return ""
+    original = recipe.window_of or next(iter(recipe.first_of), None)
+    return how_to_get(recipe) if original is None else _how_to_get(original)
 
 
 @lru_cache

@@ -9,11 +9,10 @@ from pathlib import Path
 import numpy as np
 
 from slambed.campaign.ledger import Ledger
-from slambed.metrics.comparison import holm
 from slambed.papers.judged import Judge, is_number
 from slambed.papers.lookup import pool_of
 from slambed.papers.margins import margin_of_cell, published_of
-from slambed.papers.orderings import OrderingCase
+from slambed.papers.orderings import OrderingCase, papers_p_values
 from slambed.papers.published import Paper, PublishedCell, cells_of
 from slambed.papers.published.paper_plan import PaperPlan
 from slambed.papers.verdicts import means, shares
@@ -32,7 +31,7 @@ def ordering_powers(paper: Paper, runs: tuple[int, ...] = RUNS) -> Table:
     """Returns the chance that each declared ordering holds, if the paper's numbers are true."""
     judge = Judge(paper, pool_of([]), cells_of(paper), frozenset())
     cases = [OrderingCase(judge, contrast) for contrast in paper.contrasts]
-    adjusted = _adjusted(cases)
+    adjusted = papers_p_values(cases)
     table = Table(
         "powers",
         "Chance that an ordering holds with so many runs per combination, if the paper is right "
@@ -60,18 +59,6 @@ def ordering_powers(paper: Paper, runs: tuple[int, ...] = RUNS) -> Table:
         texts = [f"{power:.2f}" for power in powers]
         table.rows.append([contrast.id, says, *texts, str(needed or "above 300"), shown])
     return table
-
-
-def _adjusted(cases: list[OrderingCase]) -> dict[str, float]:
-    by_table: dict[str, list[OrderingCase]] = {}
-    for case in cases:
-        if case.testable:
-            by_table.setdefault(case.source, []).append(case)
-    found: dict[str, float] = {}
-    for group in by_table.values():
-        p_values = holm([case.p_paper() for case in group])
-        found |= {c.contrast.id: float(p) for c, p in zip(group, p_values, strict=True)}
-    return found
 
 
 def number_powers(paper: Paper, runs: tuple[int, ...] = RUNS) -> Table:

@@ -17,7 +17,7 @@ from typing import IO, Any, Literal, TypeVar
 
 from pydantic import BaseModel, ConfigDict, TypeAdapter, ValidationError
 
-from slambed.errors import ExitCode, PassingError, SlambedError
+from slambed.errors import ExitCode, PassingError, SlambedError, environment_error
 
 STOP_TIMEOUT_S = 10.0
 CHUNK_BYTES = 65536
@@ -162,14 +162,19 @@ class LineProcess:
         self._name = name
         self._errors = errors
         with errors.open("wb") as log:
-            self._process = subprocess.Popen(
-                command,
-                stdin=subprocess.PIPE,
-                stdout=subprocess.PIPE,
-                stderr=log,
-                # Ctrl-C reaches only the harness, which stops its children in its own order.
-                start_new_session=True,
-            )
+            try:
+                self._process = subprocess.Popen(
+                    command,
+                    stdin=subprocess.PIPE,
+                    stdout=subprocess.PIPE,
+                    stderr=log,
+                    # Ctrl-C reaches only the harness, which stops its children in its own order.
+                    start_new_session=True,
+                )
+            except FileNotFoundError:
+                raise environment_error(
+                    f"{command[0]} is not on this host, and the {name} needs it; install it"
+                ) from None
         assert self._process.stdout is not None
         self._answers = LineReader(self._process.stdout.fileno())
 

@@ -2,7 +2,7 @@
 """The regression gate: fails if tonight is significantly and relevantly worse than the baseline, or
 if nothing was measured."""
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -25,6 +25,8 @@ Floats = NDArray[np.float64]
 
 BASELINE_NIGHTS = 30
 """Most recent nights used; older ones may be from another machine or program."""
+HISTORY_COLUMNS = ("night_utc", "experiment", "cell", "valid")
+"""Every history has these."""
 ALPHA = 0.05
 """Chance of any false alarm in a night, over all cells and metrics (Holm)."""
 
@@ -194,33 +196,52 @@ def _judge_validity(
 
 
 def read_runs(folder: Path, experiment: str | None = None) -> tuple[pd.DataFrame, list[str]]:
-    """Reads the runs of a results folder, of `<folder>/<experiment>`, or of a history (Parquet,
-    CSV).
+    """Reads the runs of `<folder>/<experiment>`, of the folder of one experiment, or of a history
+    (Parquet, CSV).
 
-    Raises SlambedError if there is nothing of that name; an empty folder gives no rows.
+    Raises SlambedError if there is nothing of that name; a folder without runs of the experiment
+    gives no rows, and says so.
     """
     if folder.is_file():
-        table = pd.read_parquet(folder) if folder.suffix == ".parquet" else pd.read_csv(folder)
-        table = table_of_today(table)
+        table = stored_table(folder)
         if experiment is not None and "experiment" in table:
             table = table[table["experiment"] == experiment]
-        if "passed" in table:
+        if "passed" in table and "night_utc" in table:
             table = table[table["passed"].eq(True)]
             nights = sorted(table["night_utc"].unique())[-BASELINE_NIGHTS:]
             table = table[table["night_utc"].isin(nights)]
         return table, []
     if experiment is not None and (folder / experiment).is_dir():
         folder = folder / experiment
-    if (folder / "runs").is_dir():
+    # The `runs` of a results folder are those of all experiments.
+    of_one = experiment is None or (folder / "experiment.json").is_file()
+    if of_one and (folder / "runs").is_dir():
         results = load(folder)
         return results.runs, results.problems
     if (folder / "summary.csv").is_file():
-        return table_of_today(pd.read_csv(folder / "summary.csv")), []
+        return stored_table(folder / "summary.csv"), []
     if not folder.is_dir():
         raise SlambedError(f"no results, {folder} is not there, give a results folder or a history")
+    whose = f" of {experiment}" if experiment is not None else ""
     return pd.DataFrame(columns=["cell", "valid", *keys_for(Use.GATED)]), [
-        f"{folder}: no runs in it"
+        f"{folder}: no runs{whose} in it"
     ]
+
+
+def stored_table(path: Path, needed: Collection[str] = ("cell", "valid")) -> pd.DataFrame:
+    """Returns the summaries in a file (Parquet, CSV) with today's column names. Raises SlambedError
+    for a file without the needed columns."""
+    try:
+        table = pd.read_parquet(path) if path.suffix == ".parquet" else pd.read_csv(path)
+        table = table_of_today(table)
+    except (OSError, ValueError) as broken:
+        reason = str(broken).partition("\n")[0]
+        raise SlambedError(f"{path} is no history of the regression gate: {reason}") from None
+    if missing := set(needed) - set(table):
+        raise SlambedError(
+            f"{path} is no history of the regression gate, it has no column {min(missing)}"
+        )
+    return table
 
 
 def table_of_today(table: pd.DataFrame) -> pd.DataFrame:
@@ -238,7 +259,7 @@ def append_history(
     Nights that failed are stored too, but are no baseline. Returns the number of rows."""
     new = runs.assign(night_utc=night_utc, passed=passed, commit=commit)
     if history.exists():
-        old = table_of_today(pd.read_parquet(history))
+        old = stored_table(history, HISTORY_COLUMNS)
         same = (old["night_utc"] == night_utc) & old["experiment"].isin(new["experiment"].unique())
         old = old[~same]
         new = pd.concat([old.astype(object), new.astype(object)], ignore_index=True)

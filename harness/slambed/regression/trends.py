@@ -15,7 +15,7 @@ from slambed.errors import SlambedError
 from slambed.metrics.catalog import keys_for, metric, own_of
 from slambed.metrics.metric import Metric, Use
 from slambed.metrics.statistics import Interval
-from slambed.regression.gate import BASELINE_NIGHTS, judge, table_of_today
+from slambed.regression.gate import BASELINE_NIGHTS, HISTORY_COLUMNS, judge, stored_table
 from slambed.report.cells import estimate, text
 
 STEP_ALPHA = 0.005
@@ -81,15 +81,7 @@ def read_history(path: Path) -> pd.DataFrame:
     if not path.is_file():
         begin = f"slambed gate NAME --first-night --history {path}"
         raise SlambedError(f"no history {path}; '{begin}' begins one")
-    try:
-        table = table_of_today(pd.read_parquet(path))
-    except (OSError, ValueError) as broken:
-        raise SlambedError(f"{path} is no history: {broken}") from None
-    if missing := {"night_utc", "experiment", "cell", "valid"} - set(table):
-        raise SlambedError(
-            f"{path} is no history of the regression gate, it has no column {min(missing)}"
-        )
-    return table
+    return stored_table(path, HISTORY_COLUMNS)
 
 
 def trends_of(history: pd.DataFrame) -> list[ExperimentTrends]:

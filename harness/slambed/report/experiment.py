@@ -33,6 +33,8 @@ from slambed.report.tables import (
     link_table,
 )
 
+WRITTEN = ".written"
+"""File beside tables with the names of those that the last call wrote."""
 MOST_TERMINAL_LINES = 12
 LOUD = "bold yellow"
 
@@ -149,14 +151,24 @@ def _columns(results: Results) -> list[str]:
 
 
 def write_tables(tables: list[Table], folder: Path) -> None:
-    """Writes each table as CSV, Markdown and LaTeX."""
+    """Writes each table that has rows as CSV, Markdown and LaTeX; removes those that an earlier
+    call wrote here and this one does not."""
     folder.mkdir(parents=True, exist_ok=True)
+    made = {}
     for table in tables:
-        if not table.rows:
-            continue
-        (folder / f"{table.name}.csv").write_text(table.csv(), encoding="utf-8")
-        (folder / f"{table.name}.md").write_text(table.markdown(), encoding="utf-8")
-        (folder / f"{table.name}.tex").write_text(table.latex(), encoding="utf-8")
+        if table.rows:
+            made[f"{table.name}.csv"] = table.csv()
+            made[f"{table.name}.md"] = table.markdown()
+            made[f"{table.name}.tex"] = table.latex()
+    # Other files of the folder may be the user's.
+    listed = folder / WRITTEN
+    before = listed.read_text(encoding="utf-8").splitlines() if listed.is_file() else []
+    for name in before:
+        if name not in made and name == Path(name).name:
+            (folder / name).unlink(missing_ok=True)
+    for name, content in made.items():
+        (folder / name).write_text(content, encoding="utf-8")
+    listed.write_text("".join(f"{name}\n" for name in made), encoding="utf-8")
 
 
 def _markdown(results: Results, content: PageContent) -> str:

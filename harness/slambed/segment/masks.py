@@ -3,17 +3,15 @@
 
 from __future__ import annotations
 
-import fcntl
 import hashlib
-from collections.abc import Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
 from pathlib import Path
 
 import cv2
 import numpy as np
 
 from slambed.data.model import GrayImage
-from slambed.data.places import cache_folder, no_cache
+from slambed.data.places import cache_folder, making, no_cache
 from slambed.data.preparation import Progress
 from slambed.data.prepared import PreparedSequence
 from slambed.errors import SlambedError
@@ -57,11 +55,13 @@ def mask_cache(
     quality: int,
     n_m: float,
     progress: Progress | None = None,
+    notify: Callable[[str], None] = lambda line: None,
 ) -> Path:
-    """Returns the file with the masks of a sequence, and creates it if it is missing."""
+    """Returns the file with the masks of a sequence, and creates it if it is missing. Notifies
+    before it waits for another process that creates it."""
     key = mask_key(sequence, network, quality, n_m)
     path = mask_file(key)
-    with _locked(path):
+    with making(path.parent, path.stem, "makes these masks", notify):
         if path.is_file():
             MaskCache.open(path, key)
             return path
@@ -110,16 +110,3 @@ def _segmented(
         if progress:
             progress(i + 1, len(sequence))
     return encode_frames(MASKS, key, blocks)
-
-
-@contextmanager
-def _locked(path: Path) -> Iterator[None]:
-    """Locks a mask file, so that only one process creates it."""
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        file = path.with_suffix(".lock").open("w")
-    except OSError as refused:
-        raise no_cache(path.parent, refused) from refused
-    with file:
-        fcntl.flock(file, fcntl.LOCK_EX)
-        yield

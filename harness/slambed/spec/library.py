@@ -152,7 +152,7 @@ def _anchor_systems(source: YamlSource) -> None:
     for entry in entries if isinstance(entries, list) else []:
         named = entry.get("system") if isinstance(entry, dict) else None
         if _is_file_name(named):
-            entry["system"] = str(resolved(source.path.parent / named))
+            entry["system"] = str(resolved(source.path.parent / at_home(named)))
 
 
 def _anchor_datasets(source: YamlSource) -> None:
@@ -178,9 +178,9 @@ def _anchor_profiles(source: YamlSource) -> None:
         return
     for index, item in enumerate(profiles):
         named = item.get("profile") if isinstance(item, dict) else item
-        if not _is_file_name(named) or not is_file(source.path.parent / named):
+        if not _is_file_name(named) or not is_file(source.path.parent / at_home(named)):
             continue
-        beside = str(resolved(source.path.parent / named))
+        beside = str(resolved(source.path.parent / at_home(named)))
         if isinstance(item, dict):
             item["profile"] = beside
         else:

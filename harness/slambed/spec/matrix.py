@@ -162,7 +162,7 @@ def expand(
             ]
             paths: dict[str, Scalar] = {name: str(path) for name, path in files.items()}
             sums = dict(digests)
-            for name in named.keys() - files.keys():
+            for name in sorted(named.keys() - files.keys()):
                 if dataset not in host.prior_maps:
                     line = f"parameter '{name}': dataset {dataset} names no prior_map in its file"
                     raise source.complaint(line, place)

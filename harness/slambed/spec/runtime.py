@@ -214,7 +214,9 @@ def foreign_digest(
     parts += [("file", path.name, path) for path in named]
     if not images:
         # In a container the image contains the programs.
-        parts += [("program", path.name, path) for path in _programs(runtime, folder)]
+        known = {path.resolve() for _, _, path in parts}
+        programs = _programs(runtime, folder)
+        parts += [("program", path.name, path) for path in programs if path.resolve() not in known]
     for kind, name, path in parts:
         try:
             content = hashlib.sha256(path.read_bytes()).hexdigest()
@@ -244,7 +246,7 @@ def _programs(runtime: Runtime, folder: Path) -> Iterator[Path]:
     for part in filter(None, (runtime.mobile, runtime.edge)):
         name = part.command[0].replace("{folder}", str(folder))
         inside = folder / name
-        if "/" in name and inside.is_file() and not inside.is_relative_to(folder):
+        if "/" in name and inside.is_file():
             yield inside
         elif "/" not in name and (found := shutil.which(name)) is not None:
             yield Path(found).resolve()

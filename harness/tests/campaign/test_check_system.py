@@ -3,11 +3,14 @@
 
 import re
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 
 import pytest
 import yaml
 from command_line import slambed
 
+from slambed.campaign.check_system import Checked, _plays, _stops
 from slambed.errors import SlambedError
 from slambed.native import find_program, repository_root
 
@@ -272,6 +275,35 @@ def test_programs_that_know_nothing_of_slambed_read_the_other_layouts(
     red = red_lines(system)
     # Seven poses of twenty frames: KITTI's lines do not identify their frames.
     assert [x for x in red if "7 x 12 numbers" in x] == red and bool(red) == (layout == "kitti")
+
+
+def ended_with(folder: Path, mobile: int | None, edge: int | None) -> Any:
+    """A trial of a program whose nodes ended with these codes; None: not in time."""
+    codes = {"mobile": mobile, "edge": edge}
+    runtime = SimpleNamespace(has_client=lambda role: False)
+    return SimpleNamespace(
+        system=SimpleNamespace(runtime=runtime, has_edge=True, metrics={}),
+        run_dir=folder,
+        recording=None,
+        nodes={role: SimpleNamespace(send_signal=lambda number: None) for role in codes},
+        ready=lambda: True,
+        start_clock=lambda: None,
+        wait=lambda over, patience_s: None,
+        code=lambda role, patience_s: codes[role],
+        last_words=lambda role: "stuck",
+    )
+
+
+@pytest.mark.parametrize(
+    ("edge", "how"),
+    [(None, "it had to be killed"), (3, "exit code 3"), (139, "exit code 139 (SIGSEGV)")],
+)
+def test_how_a_node_ended_is_said_in_words(tmp_path: Path, edge: int | None, how: str) -> None:
+    found = Checked()
+    _plays(ended_with(tmp_path, 1, edge), found)
+    assert found.lines[1] == (False, f"edge: ends with the run: {how}")
+    _stops(ended_with(tmp_path, 0, edge), found)
+    assert found.lines[2] == (False, f"stops when asked: mobile: exit code 0, edge: {how}")
 
 
 def test_inverted_poses_are_red(tmp_path: Path) -> None:

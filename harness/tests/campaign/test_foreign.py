@@ -279,3 +279,18 @@ def test_metrics_of_its_own_are_found_by_the_file_that_a_run_names(tmp_path: Pat
     (folder / "system.yaml").rename(folder / "mine.yaml")
     assert described_by("mine", str(folder)) == str(folder / "mine.yaml")
     assert described_by("mine", str(tmp_path)) == "mine"
+
+
+@pytest.mark.parametrize("command", ["../build/slam", "{folder}/../build/slam", ".venv/bin/slam"])
+def test_a_program_beside_the_listed_files_is_software_too(
+    library: Library, tmp_path: Path, command: str
+) -> None:
+    folder = tmp_path / "mine"
+    text = MINE.replace("  image: mine:1\n", "").replace("python3, run.py", f'"{command}"')
+    path = write_system(folder, text)
+    program = folder / command.replace("{folder}", str(folder))
+    program.parent.mkdir(parents=True)
+    program.write_text("1")
+    before = foreign_digest(runtime_of(library, path), folder, {})
+    program.write_text("2")
+    assert foreign_digest(runtime_of(library, path), folder, {}) != before

@@ -102,9 +102,13 @@ def test_a_wrong_file_is_reported_in_a_line(tmp_path: Path, text: str, line: str
 def test_what_does_not_go_with_hosts_is_refused(tmp_path: Path) -> None:
     path = str(write(tmp_path, GOOD))
     run = ("run", "quickstart")
-    assert "with --hosts" in refused(ExitCode.BAD_INPUT, *run, "--on", "lab1")
+    line = refused(ExitCode.BAD_INPUT, *run, "--on", "lab1")
+    assert "with --hosts" in line
+    assert refused(ExitCode.BAD_INPUT, *run, "--check", "--on", "lab1") == line
     for more in (("--engine", "virtual"), ("--slurm",), ("--scheduler", "tcp://127.0.0.1:1")):
-        assert "for live runs" in refused(ExitCode.BAD_INPUT, *run, "--hosts", path, *more)
+        line = refused(ExitCode.BAD_INPUT, *run, "--hosts", path, *more)
+        assert "for live runs" in line
+        assert refused(ExitCode.BAD_INPUT, *run, "--check", "--hosts", path, *more) == line
     assert "no such file" in refused(ExitCode.BAD_INPUT, *run, "--hosts", f"{tmp_path}/no.yaml")
 
 

@@ -153,6 +153,22 @@ def test_checking_looks_at_what_is_asked_for(asked: tuple[str, ...], part: str) 
     assert part in refused(ExitCode.BAD_INPUT, "run", "quickstart", "--check", *asked)
 
 
+@pytest.mark.parametrize("cluster", [("--slurm",), ("--scheduler", "tcp://127.0.0.1:1")])
+def test_checking_refuses_a_live_run_on_a_cluster_as_run_does(
+    tmp_path: Path, cluster: tuple[str, ...]
+) -> None:
+    live = ("run", "quickstart", "--engine", "local", *cluster, "--results", str(tmp_path))
+    line = refused(ExitCode.BAD_INPUT, *live, "--check")
+    assert "add --engine virtual" in line
+    assert refused(ExitCode.BAD_INPUT, *live) == line
+
+
+def test_checking_asks_for_the_number_of_slurm_jobs() -> None:
+    slurm = ("run", "quickstart", "--check", "--engine", "virtual", "--slurm")
+    assert "--slurm needs --jobs" in refused(ExitCode.BAD_INPUT, *slurm)
+    assert slambed(*slurm, "--jobs", "2")[0] == ExitCode.OK
+
+
 def test_a_group_of_commands_without_one_says_so() -> None:
     code, out, err = slambed("cache")
     assert code == ExitCode.BAD_INPUT and "prune" in out

@@ -6,12 +6,13 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pytest
+from command_line import refused, slambed
 from link_parts import needs_relay
 from typer.testing import CliRunner
 
 from slambed.commands.link import app as link_app
 from slambed.commands.profiles import app
-from slambed.errors import SlambedError
+from slambed.errors import ExitCode, SlambedError
 from slambed.native import repository_root
 
 RUNNER = CliRunner()
@@ -124,6 +125,57 @@ def test_logs_are_compared_in_one_picture(tmp_path: Path) -> None:
     assert picture.read_bytes().startswith(b"\x89PNG")
     with pytest.raises(SlambedError, match="no such link log"):
         RUNNER.invoke(link_app, ["compare", "nowhere.csv"], catch_exceptions=False)
+
+
+def link_log(path: Path, *names: str) -> Path:
+    t = np.arange(0, 5, 0.1)
+    frame = pd.concat([pd.DataFrame({"t_s": t, "series": n, "value": 20.0}) for n in names])
+    path.parent.mkdir(parents=True, exist_ok=True)
+    frame.to_parquet(path)
+    return path
+
+
+def test_logs_of_one_name_are_all_drawn(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    drawn: list[str] = []
+    monkeypatch.setattr("slambed.link.plots.plot_links", lambda links, path: drawn.extend(links))
+    places = ("x/a/link.parquet", "x/b/link.parquet", "y/b/link.parquet", "x/relay_ramp.parquet")
+    logs = [str(link_log(tmp_path / place, "asked_rtt_ms")) for place in places]
+    output = str(tmp_path / "links.png")
+    assert slambed("link", "compare", *logs, logs[0], "--output", output)[0] == ExitCode.OK
+    assert drawn == ["a", logs[1], logs[2], "relay, ramp"]
+
+
+def test_the_log_of_a_real_network_is_drawn(tmp_path: Path) -> None:
+    """Nothing is asked of it, it is only measured."""
+    log, picture = link_log(tmp_path / "link.parquet", "probe_rtt_ms"), tmp_path / "link.png"
+    code, _, err = slambed("link", "compare", str(log), "--output", str(picture))
+    assert (code, err) == (ExitCode.OK, "") and picture.is_file()
+
+
+@pytest.mark.parametrize(
+    ("name", "content", "part"),
+    [
+        ("x.csv", b"a,b\n1,2\n", "it has no column series; give"),
+        ("x.csv", b"t_s,series,value\nsoon,asked_rtt_ms,1\n", "could not convert"),
+        ("x.csv", b"", "No columns to parse"),
+        ("x.csv", b"\xff\xfe\x00", "can't decode"),
+        ("x.csv", b"a\n1,2\n1,2,3\n", "Error tokenizing data"),
+        ("x.parquet", b"PAR1", "is no link log"),
+    ],
+)
+def test_what_is_no_link_log_is_one_line(
+    tmp_path: Path, name: str, content: bytes, part: str
+) -> None:
+    (tmp_path / name).write_bytes(content)
+    line = refused(ExitCode.BAD_INPUT, "link", "compare", str(tmp_path / name))
+    assert f"{name} is no link log: " in line and part in line
+
+
+@pytest.mark.parametrize("command", ["measure", "bench"])
+def test_a_link_is_measured_for_a_second_at_least(command: str) -> None:
+    for seconds in ("0", "-1"):
+        line = refused(ExitCode.BAD_INPUT, "link", command, f"--seconds={seconds}")
+        assert "'--seconds': Input should be greater than or equal to 1" in line
 
 
 @needs_relay

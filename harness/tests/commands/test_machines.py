@@ -3,10 +3,12 @@
 
 import io
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
 from command_line import refused, slambed_process
+from docker.errors import DockerException
 from rich.console import Console
 
 from slambed.campaign import choose
@@ -108,6 +110,26 @@ def test_what_a_daemon_does_not_do_is_a_line_of_the_doctor_and_of_the_run(
     choose._docker(Console(file=out, width=60), lambda: None)
     printed = out.getvalue().splitlines()
     assert len(printed) == 1 and printed[0].startswith("note: ") and line in printed[0]
+
+
+def test_a_daemon_that_goes_while_the_doctor_asks_it_is_a_line(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    class Leaving(Daemon):
+        closed = False
+
+        @property
+        def images(self) -> SimpleNamespace:
+            raise DockerException("it restarts")
+
+        def close(self) -> None:
+            self.closed = True
+
+    daemon = Leaving(USUAL)
+    monkeypatch.setattr(doctor, "connect", lambda: daemon)
+    found = doctor._image()
+    assert (found.level, daemon.closed) == ("missing", True)
+    assert found.found == "Docker did not answer, asked to look for the node image: it restarts"
 
 
 def test_one_cpu_is_a_line_of_the_doctor(monkeypatch: pytest.MonkeyPatch) -> None:

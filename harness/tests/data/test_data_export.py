@@ -198,3 +198,30 @@ def test_a_part_has_its_frames_its_rate_and_no_truth(tmp_path: Path, layout: str
     assert not names & {"poses.txt", "groundtruth.txt", "state_groundtruth_estimate0"}
     if layout == "euroc":
         assert "rate_hz: 5\n" in (folder / "mav0" / "cam0" / "sensor.yaml").read_text()
+
+
+def test_kitti_gets_pictures_without_the_distortion_of_their_lens(tmp_path: Path) -> None:
+    """Its calibration has no place for one."""
+    bent = CAMERA.model_copy(update={"distortion": (0.3, 0.0, 0.0, 0.0, 0.0)})
+    ramp = np.tile(np.arange(WIDTH, dtype=np.uint8) * 4, (HEIGHT, 1))
+    with PreparedWriter(
+        tmp_path / "bent",
+        id="bent",
+        title="Bent",
+        sensor="mono",
+        width=WIDTH,
+        height=HEIGHT,
+        fps=10.0,
+        camera=bent,
+    ) as writer:
+        writer.add(Frame(TIMES_NS[0], ramp, None))
+    folder = export(PreparedSequence.open(tmp_path / "bent"), "kitti", tmp_path / "out")
+    (frame,) = load_reader("kitti")(folder, options("mono"))
+    row = HEIGHT // 2
+    column = 56
+    # A pixel at x shows what the lens bent to x (1 + k1 r^2).
+    x = (column - CAMERA.cx) / CAMERA.fx
+    r2 = x**2 + ((row - CAMERA.cy) / CAMERA.fy) ** 2
+    bent_to = CAMERA.fx * x * (1 + 0.3 * r2) + CAMERA.cx
+    assert bent_to - column > 1.5
+    assert frame.gray[row, column] == pytest.approx(4 * bent_to, abs=2)

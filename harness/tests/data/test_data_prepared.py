@@ -159,3 +159,22 @@ def test_matrices_become_quaternions() -> None:
     turn = np.array([[0.0, -1, 0, 1], [1, 0, 0, 2], [0, 0, 1, 3]])  # 90 degrees about z
     row = Trajectory.of_matrices(np.array([7.0]), turn[None]).rows()[0]
     assert row == pytest.approx([7, 1, 2, 3, 0, 0, 0.5**0.5, 0.5**0.5])
+
+
+def test_a_disk_that_is_full_at_the_end_leaves_nothing(tmp_path: Path) -> None:
+    writer = PreparedWriter(
+        tmp_path / "s",
+        id="s",
+        title="S",
+        sensor="mono",
+        width=WIDTH,
+        height=HEIGHT,
+        fps=10.0,
+        camera=CAMERA,
+    )
+    with pytest.raises(OSError, match="No space left"), writer:
+        writer.add(Frame(1, gray(0), None))
+        full = Path("/dev/full").open("wb")  # noqa: SIM115
+        full.write(b"x")
+        writer._file = full
+    assert not list(tmp_path.iterdir())

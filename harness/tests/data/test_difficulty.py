@@ -123,3 +123,17 @@ def test_the_command_puts_sequences_beside_each_other(
     assert {row.split(",")[0] for row in rows[1:]} == {"walk", "other"}
     line = refused(ExitCode.BAD_INPUT, "data", "difficulty", str(walk.path), "-o", "x.gif")
     assert "unknown picture format" in line
+
+
+def test_where_nothing_can_be_written_nothing_is_measured(
+    walk: PreparedSequence, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("slambed.data.difficulty.measure", lambda _: pytest.fail("measured"))
+    difficulty = ("data", "difficulty", str(walk.path))
+    assert "unknown picture format" in refused(ExitCode.BAD_INPUT, *difficulty, "-o", "x.gif")
+    nowhere, good = str(tmp_path / "nowhere" / "x"), str(tmp_path / "x.png")
+    line = refused(ExitCode.BAD_INPUT, *difficulty, "-o", f"{nowhere}.png")
+    assert "No such file or directory; choose another --output" in line
+    line = refused(ExitCode.BAD_INPUT, *difficulty, "-o", good, "--table", f"{nowhere}.csv")
+    assert "No such file or directory; choose another --table" in line
+    assert not list(tmp_path.iterdir())

@@ -146,3 +146,15 @@ def test_what_a_new_dataset_says_comes_next_works(tmp_path: Path) -> None:
     named = last.removeprefix("then, in an experiment beside it: datasets: [").removesuffix("]")
     (folder / "one.yaml").write_text(EXPERIMENT.format(dataset=named))
     assert slambed("run", "my lab/one.yaml", "--check", cwd=tmp_path)[0] == ExitCode.OK
+
+
+def test_a_system_in_the_home_folder_is_named_by_a_tilde(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("HOME", str(tmp_path))
+    text = EXPERIMENT.format(dataset="quickstart").replace("orbslam2", "~/mine/system.yaml")
+    (tmp_path / "lab").mkdir()
+    path = tmp_path / "lab" / "one.yaml"
+    path.write_text(text)
+    experiment, _ = Library().experiment(str(path))
+    assert experiment.systems[0].system == str(tmp_path / "mine" / "system.yaml")

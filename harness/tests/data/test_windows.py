@@ -189,3 +189,16 @@ def test_the_mobile_node_is_given_no_file_that_is_for_the_edge() -> None:
 def test_an_experiment_may_leave_the_window_to_the_dataset() -> None:
     sequence = Sequence("a", "b", "stereo", Path(), [], defaults=DatasetPlayback(end_s=3.0))  # type: ignore[arg-type]
     assert sequence.playback(Playback(fps=5)).end_s == 3.0
+
+
+def test_what_somebody_has_to_get_is_the_recording(tmp_path: Path) -> None:
+    catalog = Catalog.load()
+    assert catalog.original(catalog.get("paper_kitti_05")).id == "kitti_05"
+    lap = catalog.get("synthetic_circular_lap1")
+    assert catalog.original(lap).id == lap.window_of
+    assert catalog.original(catalog.get("kitti_05")).id == "kitti_05"
+    for name, says in (
+        ("paper_kitti_05", "kitti_05"),
+        ("synthetic_circular_lap1", f"generate it with 'slambed data prepare {lap.window_of}'"),
+    ):
+        assert says in refused(2, "data", "download", name)

@@ -3,6 +3,8 @@
 
 import os
 import re
+import signal
+import subprocess
 import time
 from contextlib import ExitStack
 from dataclasses import dataclass, field, replace
@@ -12,7 +14,10 @@ from typing import Any
 import pytest
 from harness_parts import EXPERIMENT, run_spec
 from test_spec import HOST, complaint, complaint_of, matrix, named
+from waiting import until
 
+from slambed.engines.base import ProcessWatch, is_stopped
+from slambed.engines.docker import DockerNode
 from slambed.engines.faults import FaultDriver, RunEdge, steps, write_planned
 from slambed.engines.virtual import sim_config
 from slambed.errors import ExitCode, SlambedError
@@ -262,6 +267,9 @@ class Stubborn:
 
     def freeze(self, frozen: bool) -> None: ...
 
+    def is_frozen(self) -> bool:
+        return False
+
     def exit_code(self) -> None: ...
 
 
@@ -278,6 +286,47 @@ def test_a_freeze_that_did_not_happen_is_not_reported(
     assert caught.value.code == ExitCode.ENVIRONMENT
     driver.write()
     assert list(tmp_path.iterdir()) == []
+
+
+class Container:
+    """A container for the kernel's freezer, which stops no process as a signal does."""
+
+    def __init__(self) -> None:
+        self.attrs = {"State": {"Paused": False}}
+        self.paused = False
+
+    def pause(self) -> None:
+        self.paused = True
+
+    def unpause(self) -> None:
+        self.paused = False
+
+    def reload(self) -> None:
+        self.attrs = {"State": {"Paused": self.paused}}
+
+
+def test_a_paused_container_is_frozen(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("slambed.engines.faults.SIGNAL_TIMEOUT_S", 0.05)
+    node, container = DockerNode.__new__(DockerNode), Container()
+    node.pid, node.container, node.several_processes = os.getpid(), container, True
+    node._code, node._watch = None, ProcessWatch(os.getpid())
+    nodes: Any = {"edge": node}
+    edge = RunEdge(None, None, nodes, None, ExitStack())  # type: ignore[arg-type]
+    edge.freeze(True)
+    assert container.paused and node.is_frozen()
+    edge.freeze(False)
+    assert not container.paused and not node.is_frozen()
+    node._watch.close()
+
+
+def test_a_stopped_process_is_frozen() -> None:
+    with subprocess.Popen(["sleep", "60"]) as process:
+        process.send_signal(signal.SIGSTOP)
+        until(lambda: is_stopped(process.pid), "the stop")
+        process.send_signal(signal.SIGCONT)
+        until(lambda: not is_stopped(process.pid), "the end of the stop")
+        process.kill()
+    assert not is_stopped(process.pid)
 
 
 def test_a_dead_edge_stays_dead_without_a_restart(tmp_path: Path) -> None:

@@ -5,6 +5,7 @@ import os
 from pathlib import Path
 from typing import Any
 
+import pytest
 from harness_parts import run_spec
 
 from slambed.engines.virtual import feature_file, feature_key, prune_features, sim_config
@@ -42,3 +43,28 @@ def test_the_longest_unused_caches_of_either_kind_go(tmp_path: Path) -> None:
         os.utime(tmp_path / name, (1e9 - age, 1e9 - age))
     prune_features(tmp_path, limit_bytes=250)
     assert sorted(path.name for path in tmp_path.iterdir()) == ["new.features", "new.images"]
+
+
+def test_a_lock_stays_for_those_who_wait_on_it(tmp_path: Path) -> None:
+    for name in ("old.features", "old.lock"):
+        (tmp_path / name).write_bytes(bytes(100))
+    prune_features(tmp_path, limit_bytes=50)
+    assert [path.name for path in tmp_path.iterdir()] == ["old.lock"]
+
+
+def test_a_cache_that_another_campaign_removes_is_passed_over(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    for name in ("gone.features", "large.features"):
+        (tmp_path / name).write_bytes(bytes(100))
+    is_file = Path.is_file
+
+    def removed_then(path: Path) -> bool:
+        found = is_file(path)
+        if path.name == "gone.features":
+            path.unlink(missing_ok=True)
+        return found
+
+    monkeypatch.setattr(Path, "is_file", removed_then)
+    prune_features(tmp_path, limit_bytes=50)
+    assert list(tmp_path.iterdir()) == []

@@ -83,6 +83,30 @@ def test_a_timeline_file_beside_a_folder_of_pictures_is_refused_at_once(
     assert "--output names the timeline alone" in line
 
 
+@pytest.mark.parametrize(
+    ("arguments", "says"),
+    [
+        (("--path", "--from", "1"), "--path shows the whole run; leave out --from"),
+        (("--rerun", "--to", "2"), "--rerun shows the whole run"),
+        (("--path", "--around", "loss"), "--path shows the whole run"),
+        (("--around", "2", "--from", "1"), "--around is a time window itself"),
+        (("--around", "loss", "--to", "0"), "--around is a time window itself"),
+        (("--slowest", "1", "--out", "x"), "--slowest draws nothing; give it alone"),
+        (("--slowest", "1", "--sequence", "x"), "--slowest draws nothing"),
+        (("--messages", "x.csv", "--out", "x"), "--messages draws nothing; give it alone"),
+        (("--messages", "x.csv", "--sequence", "x"), "--messages draws nothing"),
+        (("--sequence", "x"), "give it with --rerun"),
+        (("--path", "--sequence", "x"), "give it with --rerun"),
+    ],
+)
+def test_an_option_that_would_do_nothing_is_refused(
+    results: Path, tmp_path: Path, arguments: tuple[str, ...], says: str
+) -> None:
+    asked = ("explain", "0000000000000003", *arguments, "--results", str(results))
+    assert says in refused(ExitCode.BAD_INPUT, *asked, cwd=tmp_path)
+    assert not list(tmp_path.iterdir())
+
+
 def test_without_events_there_is_nothing_to_explain(tmp_path: Path) -> None:
     runs = [(spec_of("orbslam2", "default", None, 0), RawRun(4.0, edge=False))]
     folder = write_experiment(tmp_path, runs)

@@ -3,8 +3,12 @@
 
 import json
 import os
+import socket
 import subprocess
+from collections.abc import Callable
+from contextlib import nullcontext
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -12,13 +16,15 @@ import pytest
 from harness_parts import needs_root
 from virtual_parts import needs_programs
 
-from slambed.errors import ExitCode
+from slambed.errors import ExitCode, SlambedError
+from slambed.link import messages as traffic
 from slambed.link.messages import (
     HEADER_BYTES,
     Trace,
     bench_profile,
     compare,
     compare_profile,
+    live_ms,
     virtual_ms,
 )
 from slambed.link.modeled import modeled_link
@@ -109,6 +115,36 @@ def test_the_relay_shows_the_same_shape() -> None:
     small, large = table["live_ms"]
     assert small >= 39.0 and large >= small + 2 * 80.0
     assert (table["virtual_ms"] <= table["live_ms"] * 1.25).all()
+
+
+def test_the_sender_bears_as_long_a_stall_as_the_reader(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The connection's own timeout is shorter."""
+    made: list[socket.socket] = []
+
+    def here(namespace: str, make: Callable[[], socket.socket]) -> socket.socket:
+        made.append(make())
+        return made[-1]
+
+    with socket.create_server(("127.0.0.1", 0)) as free:
+        port = free.getsockname()[1]
+    link = SimpleNamespace(start=lambda t0_ns: None)
+    for name, value in (("EDGE_ADDRESS", "127.0.0.1"), ("PORT", port), ("HEAD_START_S", 0.0)):
+        monkeypatch.setattr(traffic, name, value)
+    monkeypatch.setattr(traffic, "two_namespaces", lambda: nullcontext(("mobile", "edge")))
+    monkeypatch.setattr(traffic, "open_link", lambda *_, **__: nullcontext(link))
+    monkeypatch.setattr(traffic, "inside", here)
+    assert len(live_ms(bench_profile(1.0, None), Trace.steady(2, 1_000, 100.0))) == 2
+    _, client = made
+    assert client.gettimeout() == traffic.LONGEST_STALL_S
+
+
+def test_a_link_that_carries_nothing_is_one_line() -> None:
+    near, far = socket.socketpair()
+    near.settimeout(0.01)
+    line = "the link carried nothing for 150 s; use a profile with shorter cuts and less loss"
+    with near, far, pytest.raises(SlambedError, match=line) as raised:
+        traffic._take(near, 1)
+    assert raised.value.code == ExitCode.ENVIRONMENT
 
 
 def test_bad_traces_are_refused(tmp_path: Path) -> None:

@@ -452,6 +452,9 @@ def test_fits_name_the_numbers_they_used(tmp_path: Path) -> None:
     (tmp_path / "c.yaml").write_text("fits: [")
     with pytest.raises(SlambedError, match=r"not YAML: .*c\.yaml line 1"):
         read_fits(tmp_path)
+    (tmp_path / "c.yaml").write_text("fits: [a]\ndevices: {mobile: {also: [b]}}\n")
+    with pytest.raises(SlambedError, match=r"c\.yaml: devices: expected roles"):
+        read_fits(tmp_path)
 
 
 def test_peer_ratios() -> None:

@@ -140,6 +140,8 @@ def test_the_numbers_of_packed_runs_are_counted(tmp_path: Path) -> None:
     assert counted["printed"] == 48 and counted["groups"]["beside"] > 0
     assert counted["without"]["not_played"] == 0
     assert not list(tmp_path.iterdir())
+    line = refused(ExitCode.BAD_INPUT, "papers", "counts", "--packed", "--results", str(tmp_path))
+    assert "leave out --results" in line
 
 
 def test_the_page_of_all_papers_has_the_counts_of_the_packed_runs(tmp_path: Path) -> None:

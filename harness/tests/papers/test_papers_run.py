@@ -122,6 +122,21 @@ def test_runs_on_a_sequence_that_is_not_made_yet_are_told(
     assert f"(runs of {number} experiments are looked for once sequences" in first_line()
 
 
+@pytest.mark.parametrize(
+    "given",
+    [
+        ("--runs", "plan"), ("--engine", "virtual"), ("--jobs", "2"), ("--budget", "2h"),
+        ("--part", "1/3"), ("--scheduler", "tcp://127.0.0.1:1"), ("--slurm",),
+    ],
+)  # fmt: skip
+def test_what_is_for_runs_is_refused_where_nothing_is_executed(
+    tmp_path: Path, given: tuple[str, ...]
+) -> None:
+    asked = ("papers", "run", "cloudslam", "--reuse-only", "--results", str(tmp_path))
+    line = refused(ExitCode.BAD_INPUT, *asked, *given)
+    assert line == f"error: --reuse-only executes nothing; leave out {given[0]}"
+
+
 def test_a_used_budget_ends_the_campaign_with_what_is_left(
     dynnetslam: Paper, played: list[tuple[str, Options]], tmp_path: Path
 ) -> None:

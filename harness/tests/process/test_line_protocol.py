@@ -125,6 +125,13 @@ def test_a_peer_that_is_silent_or_gone_is_worth_another_try(peer: LineProcess) -
     peer.close()
 
 
+def test_a_program_that_is_not_installed_is_no_bug(tmp_path: Path) -> None:
+    line = r"^no-such is not on this host, and the peer needs it; install it$"
+    with pytest.raises(SlambedError, match=line) as raised:
+        LineProcess(["no-such", "lab1"], "peer", tmp_path / "errors.txt")
+    assert raised.value.code == ExitCode.ENVIRONMENT
+
+
 def test_saying_it_writes_at_once() -> None:
     class Stream(io.StringIO):
         flushed = 0

@@ -6,8 +6,9 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pytest
-from command_line import slambed
+from command_line import refused, slambed
 
+from slambed.errors import SlambedError
 from slambed.metrics.catalog import metric
 from slambed.metrics.comparison import holm
 from slambed.metrics.robust_accuracy import LEAST_COVERAGE
@@ -283,3 +284,40 @@ def test_another_version_of_the_metrics_is_no_baseline() -> None:
     both = judge(pd.concat([before, tonight]), tonight)
     assert both.passed
     assert {f.runs for f in both.findings} == {(12, 12)}
+
+
+def test_runs_of_other_experiments_are_none_of_this_one(tmp_path: Path) -> None:
+    """`runs` of a results folder holds those of all experiments."""
+    (tmp_path / "results" / "runs" / "0123456789abcdef").mkdir(parents=True)
+    table, problems = read_runs(tmp_path / "results", "quikstart")
+    assert table.empty and problems == [f"{tmp_path / 'results'}: no runs of quikstart in it"]
+    history = tmp_path / "history.parquet"
+    line = ("gate", "quikstart", "--first-night", "--results", str(tmp_path / "results"))
+    code, out, _ = slambed(*line, "--history", str(history))
+    assert code == 1 and "no runs of quikstart" in out and "FAIL: " in out
+    assert not history.exists()
+
+
+@pytest.mark.parametrize(
+    ("name", "content", "reason"),
+    [
+        ("runs.parquet", "x", "is no history of the regression gate"),
+        ("runs.csv", "a,b\n1,2\n", "it has no column cell"),
+        ("empty.csv", "", "is no history of the regression gate"),
+    ],
+)
+def test_a_baseline_that_is_none_is_told_in_a_line(
+    tmp_path: Path, name: str, content: str, reason: str
+) -> None:
+    (tmp_path / "results").mkdir()
+    (tmp_path / name).write_text(content)
+    line = ("gate", "x", "--results", str(tmp_path / "results"))
+    assert reason in refused(2, *line, "--baseline", str(tmp_path / name))
+    if name.endswith("parquet"):
+        with pytest.raises(SlambedError, match=reason):
+            append_history(tmp_path / name, virtual_night(), "2026-02-01", True)
+
+
+@pytest.mark.parametrize("alpha", ["0", "-1", "0.6"])
+def test_a_chance_that_is_none_is_refused(alpha: str) -> None:
+    assert slambed("gate", "x", "--first-night", "--alpha", alpha)[0] == 2

@@ -162,6 +162,9 @@ def test_the_command_counts_losses_by_cause(
     line = refused(ExitCode.BAD_INPUT, "report", str(folder), "--losses", *other)
     assert "known: .csv, .md" in line
     assert "--again writes into" in refused(ExitCode.BAD_INPUT, "report", "x", "--again", *other)
+    for more in ("--again", "--all", "--no-figures"):
+        line = refused(ExitCode.BAD_INPUT, "report", str(folder), "--losses", more)
+        assert "--losses writes no report; leave out" in line and more in line
     assert "name it" in refused(
         ExitCode.BAD_INPUT, "report", "--losses", "--results", str(folder.parent)
     )

@@ -27,7 +27,7 @@ from slambed.native import repository_root
 from slambed.report import plots
 from slambed.report.cells import cells_of, metrics_to_show
 from slambed.report.differences import difference_tables, differences
-from slambed.report.experiment import terminal_summary, write_report
+from slambed.report.experiment import terminal_summary, write_report, write_tables
 from slambed.report.load import load
 from slambed.report.page import cell
 from slambed.report.tables import Table, cell_tables
@@ -437,3 +437,14 @@ def test_commands(reported: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatc
     _, out, _ = slambed("evaluate", str(run / "trajectory.txt"), str(truth))
     assert "ATE RMSE 0.01" in out
     assert "no results in" in refused(2, "report", "nowhere", *options)
+
+
+def test_tables_of_an_earlier_report_are_removed_and_other_files_kept(tmp_path: Path) -> None:
+    first, second = Table("cells_1", "One", ["a"]), Table("cells_2", "Two", ["a"])
+    first.rows, second.rows = [["1"]], [["2"]]
+    write_tables([first, second], tmp_path)
+    (tmp_path / "mine.csv").write_text("a\n")
+    second.rows = []
+    write_tables([first, second], tmp_path)
+    visible = sorted(path.name for path in tmp_path.iterdir() if path.name[0] != ".")
+    assert visible == ["cells_1.csv", "cells_1.md", "cells_1.tex", "mine.csv"]

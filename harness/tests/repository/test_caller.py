@@ -105,6 +105,25 @@ def test_results_are_given_whole(tmp_path: Path, monkeypatch: pytest.MonkeyPatch
     assert owner(tmp_path) == ROOT
 
 
+def test_what_another_campaign_removes_meanwhile_is_passed_over(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    for name, value in CALLER.items():
+        monkeypatch.setenv(name, value)
+    (tmp_path / "runs" / "1").mkdir(parents=True)
+    (tmp_path / "runs" / "2").mkdir()
+    chown = os.lchown
+
+    def remove_first(path: Path, *caller: int) -> None:
+        if path.name == "1":
+            path.rmdir()
+        chown(path, *caller)
+
+    monkeypatch.setattr(os, "lchown", remove_first)
+    give_to_caller(tmp_path / "runs")
+    assert owner(tmp_path / "runs") == owner(tmp_path / "runs" / "2") == MINE
+
+
 def test_a_folder_that_was_written_to_is_given_at_the_end_of_the_command(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -110,3 +110,30 @@ def test_a_build_needs_nothing_but_python_to_name_its_sources() -> None:
         check=False,
     )
     assert (done.stdout.strip(), done.stderr) == (source_hash(), "")
+
+
+def test_a_page_that_does_not_exist_is_not_renewed_in_silence() -> None:
+    done = subprocess.run(
+        [sys.executable, repository_root() / "tools" / "tutorials.py", "own-slam.md"],
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert done.returncode == 2
+    assert done.stderr == "error: no page own-slam.md in docs/tutorials\n"
+
+
+@pytest.mark.skipif(os.geteuid() != 0, reason="needs root")
+def test_a_debian_is_not_made_over_files_of_somebody(tmp_path: Path) -> None:
+    (tmp_path / "thesis.tex").write_text("words")
+    done = subprocess.run(
+        [repository_root() / "tools" / "root.sh", "bookworm", f"{tmp_path}/"],
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert (done.returncode, done.stderr) == (
+        2,
+        f"error: {tmp_path} is not empty; give a new folder\n",
+    )
+    assert (tmp_path / "thesis.tex").exists()

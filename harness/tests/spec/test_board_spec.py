@@ -102,6 +102,7 @@ def test_neither_simulated_nor_on_several_hosts(file: Path, tmp_path: Path) -> N
     hosts.write_text("hosts: [{name: a, address: here, engine: local}]\n")
     code, _, err = slambed("run", str(file), "--hosts", str(hosts))
     assert code == ExitCode.BAD_INPUT and "has its edge here: no --hosts" in err, err
+    assert slambed("run", str(file), "--check", "--hosts", str(hosts)) == (code, "", err)
 
 
 def test_the_rtt_of_a_profile_is_none_of_a_real_network(file: Path) -> None:

@@ -9,11 +9,11 @@ import pytest
 from harness_parts import needs_root
 
 from slambed.calibrate.host import HostMeasurement, measure_host
-from slambed.calibrate.limits import expected_cores, measure_limits, quiet_host
+from slambed.calibrate.limits import engines, expected_cores, measure_limits, quiet_host
 from slambed.commands.main import run_command
 from slambed.engines.local import LocalEngine
 from slambed.engines.sidecar_client import free_cpus, metronome_cpus
-from slambed.errors import SlambedError
+from slambed.errors import ExitCode, SlambedError
 from slambed.native import find_program
 from slambed.spec.device import Board, Device, Limits
 from slambed.spec.host_speed import UNKNOWN, HostSpeed, load_host_speed, save_host_speed
@@ -168,3 +168,10 @@ def test_bad_options_get_one_line(
     assert run_command(arguments) == 2
     reported = capsys.readouterr().err
     assert reported.startswith("error: ") and reported.count("\n") == 1 and line in reported
+
+
+def test_limits_say_in_a_line_that_docker_does_not_answer(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("DOCKER_HOST", "unix:///nowhere/docker.sock")
+    with pytest.raises(SlambedError, match="no Docker: the daemon does not answer") as refused:
+        engines("docker")
+    assert refused.value.code == ExitCode.ENVIRONMENT

@@ -372,6 +372,11 @@ def test_canonical_json_refuses_nan() -> None:
         canonical_json({"a": float("nan")})
 
 
+def test_a_label_is_one_line(tmp_path: Path) -> None:
+    text = complaint(tmp_path, "{system: solo}", '{system: solo, label: "two\\n"}')
+    assert "expected one line of text without '/'" in text
+
+
 def test_the_same_cell_twice_is_refused(tmp_path: Path) -> None:
     text = complaint(tmp_path, "- {system: solo}", "- {system: solo}\n  - {system: solo, label: b}")
     assert "are the same" in text

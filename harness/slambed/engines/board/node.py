@@ -19,7 +19,7 @@ from slambed.engines.base import LABEL, NODE_UID, NodePlan, netns
 from slambed.engines.board.connection import LAST_S, BoardConnection
 from slambed.engines.board.messages import Watching, WatchNode
 from slambed.engines.board.shipping import PLACE
-from slambed.engines.docker import OUTPUT, PIDS_LIMIT, START_BARRIER, WAIT_AT_BARRIER
+from slambed.engines.docker import OUTPUT, PIDS_LIMIT, START_BARRIER, WAIT_AT_BARRIER, is_paused
 from slambed.engines.docker_errors import DAEMON_ERRORS, docker_error
 from slambed.errors import KilledError, SlambedError
 from slambed.sampling.cgroup import Granted
@@ -149,6 +149,10 @@ class BoardNode:
         """Freezes or continues its processes."""
         with contextlib.suppress(*DAEMON_ERRORS):
             (self._container.pause if frozen else self._container.unpause)()
+
+    def is_frozen(self) -> bool:
+        """Asks the board's daemon."""
+        return is_paused(self._container)
 
     def remove(self) -> None:
         """Removes container and volume; on a lost board they are removed when it is back."""
