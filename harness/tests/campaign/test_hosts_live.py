@@ -112,6 +112,7 @@ def test_a_host_that_loses_power_costs_one_attempt_and_nothing_is_made_twice(
 
     # A repeated call with the remaining host has nothing to do.
     code, again, err = slambed_process(*command, "--on", "a", SLAMBED_CACHE=str(tmp_path / "cache"))
+    assert code in (ExitCode.OK, ExitCode.NOT_ALL_GOOD), err
     if code == ExitCode.OK:
         assert f"{RUNS} there already" in again, err
 

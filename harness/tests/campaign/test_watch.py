@@ -152,7 +152,7 @@ def test_nothing_is_written_and_no_lock_is_needed(results: Path) -> None:
         return sorted((str(p), p.stat().st_mtime_ns) for p in results.rglob("*"))
 
     before = there()
-    slambed("watch", "--once", "--results", str(results))
+    assert slambed("watch", "--once", "--results", str(results))[0] == ExitCode.OK
     assert there() == before
 
 

@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """The command line: one-line errors, documented exit codes."""
 
+import os
 import subprocess
 import sys
 from pathlib import Path
@@ -211,6 +212,17 @@ sys.exit(main.run_command(["doctor"]))
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
     assert done.returncode == ExitCode.INTERNAL
     assert "a bug of slambed" in done.stderr and len(done.stderr.strip().splitlines()) == 1
+    # For a report of it.
+    told = subprocess.run(
+        [sys.executable, "-c", code],
+        capture_output=True,
+        text=True,
+        check=False,
+        env=os.environ | {"SLAMBED_DEBUG": "1"},
+    )
+    assert told.returncode == ExitCode.INTERNAL
+    assert told.stderr.startswith("Traceback") and "ZeroDivisionError" in told.stderr
+    assert told.stderr.strip().splitlines()[-1] == done.stderr.strip()
 
 
 def test_doctor_reports_about_every_topic() -> None:

@@ -55,7 +55,9 @@ def test_it_samples_a_process_until_it_is_asked_to_stop() -> None:
     watching, _, reported = agent(*asked, {"request": "stop"}, pause_s=0.5)
     assert Watching.model_validate(watching).granted.period_ms > 0
     samples = Sampled.model_validate(reported).samples
-    assert 3 <= len(samples) <= 11
+    # A late sample is caught up with, so no sooner than every 0.1 s on average.
+    assert len(samples) >= 2
+    assert samples[-1].at_ns - samples[0].at_ns >= 0.09e9 * (len(samples) - 2)
     assert all(b.at_ns > a.at_ns and b.cpu_s >= a.cpu_s for a, b in pairwise(samples))
     assert all(sample.memory_mb >= 0 and sample.tcp_rtt_ms is None for sample in samples)
 

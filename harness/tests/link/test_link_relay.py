@@ -3,6 +3,7 @@
 the machine may be busy; docs/explanation/link.md lists measured values."""
 
 import contextlib
+import fcntl
 import json
 import os
 import signal
@@ -32,6 +33,8 @@ from slambed.link.session import DEVICE, LinkOptions, LinkSession
 from slambed.link.traffic import TCPI_RTT_OFFSET, one_way, tcp_throughput_mbps
 from slambed.native import find_program
 from slambed.process.namespaces import inside
+
+SIOCGIFMTU = 0x8921
 
 pytestmark = needs_relay
 Ends = tuple[Path, Path]
@@ -310,11 +313,17 @@ def test_a_start_file_reports_time_zero_too(ends: Ends, tmp_path: Path) -> None:
     assert len(read_packets(log)) == 15
 
 
+def mtu_of_the_device() -> int:
+    """Asks the kernel for the MTU of the link's device in the namespace of this thread."""
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as asking:
+        request = struct.pack("16si20x", DEVICE.encode(), 0)
+        return int(struct.unpack("16si20x", fcntl.ioctl(asking, SIOCGIFMTU, request))[1])
+
+
 def test_options_reach_the_link(ends: Ends, tmp_path: Path) -> None:
     with start(ends, tmp_path, 0, probe_hz=0, mtu=1400, real_time=False) as link:
         assert link._options == LinkOptions(probe_hz=0, mtu=1400, real_time=False)
-        mtu = inside(ends[0], lambda: Path(f"/proc/sys/net/ipv4/conf/{DEVICE}").exists())
-        assert mtu
+        assert [inside(end, mtu_of_the_device) for end in ends] == [1400, 1400]
         assert link.stop().details.real_time is False
 
 

@@ -16,7 +16,7 @@ from browser import Page
 from data_samples import write_prepared
 from results_factory import quickstart_like
 from test_reports_in_browser import ATE, near, unfold
-from waiting import in_background
+from waiting import in_background, until
 
 from slambed.campaign.ledger import Ledger
 from slambed.data import places
@@ -172,8 +172,7 @@ def test_the_time_line_zooms_by_drag_wheel_and_keys(run: Page) -> None:
     part = tick_times(run)
     assert 4.0 < part[0] < part[-1] < 8.0
     run.mouse("mouseWheel", box["x"] + 0.5 * box["width"], y, deltaX=0, deltaY=-120)
-    run.until("document.querySelectorAll('#lanes .time').length")
-    time.sleep(0.2)
+    until(lambda: tick_times(run) != part, "the zoom")
     nearer = tick_times(run)
     assert nearer[-1] - nearer[0] < part[-1] - part[0]
     run.value("document.getElementById('lanes').focus()")

@@ -118,8 +118,10 @@ def test_every_mark_leads_to_the_time_line_of_its_run(page: str) -> None:
         line = page[page.index(f'id="{link}"') :].partition("</div>")[0]
         assert '<svg class="timeline"' in line
     # Nothing that can be pointed at is without a link: neither states nor crosses nor ticks.
-    for mark in ("tracked", "track lost at", "map update applied at", "lost from"):
-        for found in re.finditer(f"<title>[^<]*{mark}", svg):
+    for mark in ("ok from", "track lost at", "map update applied at", "lost from"):
+        places = list(re.finditer(f"<title>[^<]*{mark}", svg))
+        assert places, mark
+        for found in places:
             assert svg.rfind("<a ", 0, found.start()) > svg.rfind("</a>", 0, found.start())
 
 

@@ -154,7 +154,9 @@ def test_many_lines_are_small_multiples_of_few_lines_each(drawn: Any) -> None:
 def test_nothing_overlaps_or_leaves_the_figure(
     drawn: Any, variants: tuple[str, ...], links: tuple[str, ...]
 ) -> None:
-    for made, *_ in drawn(results(variants, (50, 500, 625, 750, 875, 1000, 1250, 2000), links)):
+    figures = drawn(results(variants, (50, 500, 625, 750, 875, 1000, 1250, 2000), links))
+    assert figures
+    for made, *_ in figures:
         lay_out(made)
         (legend,) = made.legends
         beneath = legend.get_window_extent()
