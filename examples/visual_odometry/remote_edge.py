@@ -6,6 +6,7 @@ import contextlib
 import json
 import os
 import socket
+import threading
 from types import SimpleNamespace
 
 import cv2
@@ -23,29 +24,46 @@ def decoded(content: bytes) -> tuple[np.ndarray, np.ndarray]:
     )
 
 
-def serve(connection: socket.socket, client: Client) -> None:
-    connection.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
-    _, settings = receive(connection)
-    camera = {k: np.array(v) if isinstance(v, list) else v for k, v in json.loads(settings).items()}
-    odometry = Odometry(SimpleNamespace(**camera), client.params)
-    while True:
-        number, picture = receive(connection)
-        T_wc, features, inliers = odometry.track(*decoded(picture))
+class Placing:
+    """Places the pictures of the mobile node, which connects anew after an outage."""
+
+    def __init__(self, client: Client) -> None:
+        self._client = client
+        self._odometry: Odometry | None = None
+        self._one_at_a_time = threading.Lock()
+
+    def accept(self, server: socket.socket) -> None:
+        """Serves each connection in a thread: an old one may not know yet that it is over."""
+        while True:
+            connection, _ = server.accept()
+            threading.Thread(target=self._serve, args=(connection,), daemon=True).start()
+
+    def _serve(self, connection: socket.socket) -> None:
+        connection.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+        cv2.setRNGSeed(int(os.environ["SLAMBED_SEED"]))
+        # Until the mobile node has gone.
+        with connection, contextlib.suppress(EOFError, OSError):
+            camera = json.loads(receive(connection)[1])
+            while True:
+                number, picture = receive(connection)
+                send(connection, number, json.dumps(self._placed(camera, picture)).encode())
+
+    def _placed(self, camera: dict, picture: bytes) -> dict:
+        with self._one_at_a_time:
+            if self._odometry is None:
+                arrays = {k: np.array(v) if isinstance(v, list) else v for k, v in camera.items()}
+                self._odometry = Odometry(SimpleNamespace(**arrays), self._client.params)
+            T_wc, features, inliers = self._odometry.track(*decoded(picture))
         pose = None if T_wc is None else T_wc.tolist()
-        answer = {"T_wc": pose, "features": features, "inliers": inliers}
-        send(connection, number, json.dumps(answer).encode())
+        return {"T_wc": pose, "features": features, "inliers": inliers}
 
 
 def main() -> None:
     client = Client()
-    cv2.setRNGSeed(int(os.environ["SLAMBED_SEED"]))
     with socket.create_server(edge_address("pictures")) as server:
+        threading.Thread(target=Placing(client).accept, args=(server,), daemon=True).start()
         client.ready()
-        connection, _ = server.accept()
-        # Until the mobile node has gone.
-        with connection, contextlib.suppress(EOFError, OSError):
-            serve(connection, client)
-    client.next()  # until the run is over
+        client.next()  # until the run is over
     client.close()
 
 

@@ -3,6 +3,7 @@
 """The mobile node of the remote odometry: one picture up, its pose down, the next picture."""
 
 import json
+import select
 import socket
 import time
 
@@ -14,18 +15,47 @@ from wire import receive, send
 CONNECT_S = 20.0
 
 
-def connect() -> socket.socket:
-    """To the edge, which may not listen yet."""
-    deadline = time.monotonic() + CONNECT_S
-    while True:
+class Edge:
+    """The edge node, connected anew after its connection stood still or broke."""
+
+    def __init__(self, camera: bytes, answer_s: float) -> None:
+        self._camera, self._answer_s = camera, answer_s
+        self._connection: socket.socket | None = None
+        self._connect(CONNECT_S)
+
+    def place(self, number: int, picture: bytes) -> dict | None:
+        """The answer to this picture; None where it does not come in time."""
+        deadline = time.monotonic() + self._answer_s
         try:
-            connection = socket.create_connection(edge_address("pictures"), timeout=1.0)
-            connection.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
-            return connection
-        except OSError:
-            if time.monotonic() > deadline:
-                raise
-            time.sleep(0.05)
+            if self._connection is None:
+                self._connect(self._answer_s)
+            self._connection.settimeout(self._answer_s)
+            send(self._connection, number, picture)
+            return answer_to(self._connection, number, deadline)
+        except (OSError, EOFError):
+            # Half of a message may be under way, and nothing can follow it.
+            self.close()
+            return None
+
+    def close(self) -> None:
+        if self._connection is not None:
+            self._connection.close()
+        self._connection = None
+
+    def _connect(self, limit_s: float) -> None:
+        """The edge may not listen yet."""
+        deadline = time.monotonic() + limit_s
+        while self._connection is None:
+            try:
+                self._connection = socket.create_connection(
+                    edge_address("pictures"), min(1.0, limit_s)
+                )
+            except OSError:
+                if time.monotonic() > deadline:
+                    raise
+                time.sleep(0.05)
+        self._connection.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+        send(self._connection, 0, self._camera)
 
 
 def packed(frame: Frame, quality: int) -> bytes:
@@ -36,43 +66,34 @@ def packed(frame: Frame, quality: int) -> bytes:
 
 def answer_to(connection: socket.socket, number: int, deadline: float) -> dict | None:
     """The answer to this frame; what comes late for an earlier one is passed over."""
-    try:
-        while (left := deadline - time.monotonic()) > 0:
-            connection.settimeout(left)
-            answered, content = receive(connection)
-            if answered == number:
-                return json.loads(content)
-    except TimeoutError:
-        pass
+    while (left := deadline - time.monotonic()) > 0 and select.select([connection], [], [], left)[
+        0
+    ]:
+        answered, content = receive(connection)
+        if answered == number:
+            return json.loads(content)
     return None
 
 
 def main() -> None:
     client = Client()
     cv2.setNumThreads(1)
-    connection = connect()
     camera = {
         "camera_matrix": client.camera_matrix.tolist(),
         "distortion": client.distortion.tolist(),
         "depth_unit_m": client.depth_unit_m,
     }
-    send(connection, 0, json.dumps(camera).encode())
+    edge = Edge(json.dumps(camera).encode(), client.params["answer_s"])
     client.ready()
     for frame in client:
         picture = packed(frame, client.params["jpeg_quality"])
         client.event("picture", bytes=len(picture))
-        deadline = time.monotonic() + client.params["answer_s"]
-        # A connection that an answer may have been cut out of is read no further.
-        try:
-            connection.settimeout(client.params["answer_s"])
-            send(connection, frame.index, picture)
-            answer = answer_to(connection, frame.index, deadline)
-        except (OSError, EOFError):
-            answer = None
+        answer = edge.place(frame.index, picture)
         if answer is None or answer["T_wc"] is None:
             client.lost(frame)
         else:
             client.pose(frame, np.array(answer["T_wc"]), answer["features"], answer["inliers"])
+    edge.close()
     client.close()
 
 

@@ -122,7 +122,7 @@ def state_of_ledger(
         ended=ended is not None,
         interrupted=bool(ended and ended.get("interrupted")),
         asked=len(asked),
-        there_before=max(0, int(begin.get("runs") or 0) - len(asked)),
+        there_before=_there_before(begin, len(asked)),
         valid=valid,
         invalid=len(finished) - valid,
         failed=sum(kind == "run_failed" for kind in kinds.values()),
@@ -130,6 +130,14 @@ def state_of_ledger(
     )
     left_s = _left_s(state, durations_s, most_at_once, now_s) if running else None
     return CampaignState(**{**vars(state), "left_s": left_s})
+
+
+def _there_before(begin: Entry, asked: int) -> int:
+    """Returns how many of the wanted runs were there; ledgers of before 2026-11-29 have no count
+    of these alone."""
+    if isinstance(there := begin.get("there"), int):
+        return there
+    return max(0, int(begin.get("runs") or 0) - asked)
 
 
 def _follow(entries: list[Entry], asked: list[str]) -> tuple[dict[str, Entry], list[float], int]:

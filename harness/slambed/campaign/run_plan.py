@@ -138,7 +138,11 @@ def _fill(
     folder.write_json("experiment.json", content)
     folder.show(run["run_key"] for run in content["runs"])
     ledger.append(
-        "campaign_started", runs=len(ordered), todo=[s.run_key for s in todo], command=sys.argv
+        "campaign_started",
+        runs=len(ordered),
+        there=len(wanted) - len(todo),
+        todo=[s.run_key for s in todo],
+        command=sys.argv,
     )
     for sequence in plan.sequences.values():
         if (truth := sequence.path / "groundtruth.txt").is_file():

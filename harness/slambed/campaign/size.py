@@ -1,8 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
 """Disk use of runs, and runs that are in no plan."""
 
+import os
 from collections import defaultdict
 from collections.abc import Iterator
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -86,7 +88,13 @@ def size_of(store: RunStore, keys: set[str]) -> Size:
     """Returns the disk use of these runs; a shared (hard-linked) file counts once."""
     there = keys & set(store.keys())
     folders = [place / key for key in there for place in (store.runs, store.attempts)]
-    files = {f.stat().st_ino: f.stat().st_blocks for d in folders for f in d.rglob("*")}
+    files: dict[int, int] = {}
+    for folder in folders:
+        for place, inner, names in os.walk(folder):
+            for name in (*inner, *names):
+                with suppress(FileNotFoundError):  # a campaign may have set the run aside
+                    found = os.lstat(Path(place, name))
+                    files[found.st_ino] = found.st_blocks
     return Size(len(there), 512 * sum(files.values()))
 
 

@@ -153,11 +153,18 @@ def replay_command(
     screen = console()
     files = {Library().experiment(file)[0].id: file for file in experiment or []}
     with tempfile.TemporaryDirectory(prefix="slambed-packed.") as place:
-        if what.endswith(".tar.xz"):
+        if _is_packed(what):
             before = Path(place)
             extract(Path(what), before)
             names = [name for name, _ in plans(before)]
+            if unknown := files.keys() - set(names):
+                raise SlambedError(
+                    f"{what} has no runs of {', '.join(sorted(unknown))}; its experiments are "
+                    f"{', '.join(names)}"
+                )
         else:
+            if files:
+                raise SlambedError(f"--experiment is for packed files; {what} is none")
             before = results
             _must_be_there(results)
             names = [Library().experiment(what)[0].id]
@@ -178,6 +185,13 @@ def replay_command(
         left_out = f"; {len(found.left_out)} not compared" if found.left_out else ""
         raise SlambedError(f"{what}: {result}{differ}{left_out}", ExitCode.NOT_ALL_GOOD)
     typer.echo(result)
+
+
+def _is_packed(what: str) -> bool:
+    """Returns whether this names a packed file rather than an experiment."""
+    if what.endswith((".tar.xz", ".txz")):
+        return True
+    return Path(what).is_file() and not what.endswith((".yaml", ".yml"))
 
 
 def _must_be_there(results: Path) -> None:

@@ -28,12 +28,18 @@ class CameraMotion:
 
     @classmethod
     def of(cls, sequence: PreparedSequence) -> CameraMotion:
-        """Interpolates the ground truth of a sequence. Raises SlambedError if it has none."""
+        """Interpolates the ground truth of a sequence. Raises SlambedError if it has
+        none, or positions alone."""
         truth = sequence.groundtruth()
         if truth is None or len(truth) < 2:
             raise SlambedError(
                 f"{sequence.info.id} has no ground truth, which says where points go; "
                 "choose a sequence that has"
+            )
+        if not truth.has_orientation:
+            raise SlambedError(
+                f"the ground truth of {sequence.info.id} has positions alone, and where points go "
+                "depends on how the camera turned; choose a sequence with poses"
             )
         times_s = sequence.info.time_origin_s + sequence.times_s
         stamps_s = truth.stamps_s

@@ -100,8 +100,11 @@ def download(
                 unpacked.mkdir()
                 _unpack(recipe, archive, unpacked)
                 _merge(unpacked, folder / recipe.into)
-        finally:
+        except SlambedError:
             forget(archive)
+            raise
+        # After a full disk or Ctrl-C the next call takes the same archive.
+        forget(archive)
     except OSError as refused:
         raise environment_error(f"{folder}: {refused.strerror or refused}") from refused
     return digest

@@ -46,6 +46,12 @@ def export(
         )
     if path.exists():
         raise SlambedError(f"{path} is there already; choose another folder")
+    truth = sequence.groundtruth() if with_truth else None
+    if truth is not None and not truth.has_orientation and layout != "tum":
+        raise SlambedError(
+            f"the ground truth of {sequence.info.id} has positions alone, and {layout} holds "
+            "poses; leave it out of the dataset's file"
+        )
     partial = partial_folder(path)
     try:
         partial.mkdir(parents=True)

@@ -138,6 +138,8 @@ def _is_local(address: str) -> bool:
 def _from_address(address: str, wanted: Wanted, part: Path, progress: Progress | None) -> str:
     """Downloads again from the start if a resumed file is wrong: its old part may be the cause."""
     resumed = _usable(part, address, wanted) > 0
+    if resumed and wanted.sha256 is not None and _digest(part) == wanted.sha256:
+        return wanted.sha256  # an earlier call could not unpack it
     _transfer(address, wanted, part, progress)
     digest = _digest(part)
     if wanted.sha256 in (None, digest):

@@ -51,7 +51,8 @@ def figure_of_loss(sequence: PreparedSequence, loss: TrackLoss) -> Figure:
     axes.imshow(np.hstack([sequence.gray(frame) for frame in frames]), cmap="gray", aspect="equal")
     first, second = (features_of(sequence, frame) for frame in frames)
     judged = right = None
-    if sequence.groundtruth_file is not None:
+    truth = sequence.groundtruth()
+    if truth is not None and truth.has_orientation:
         motion = CameraMotion.of(sequence)
         if all(motion.knows(frame) for frame in frames):
             pair = compare(sequence, motion, (frames[0], first), (frames[1], second))

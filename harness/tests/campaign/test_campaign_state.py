@@ -50,6 +50,10 @@ def test_an_empty_ledger_reports_no_campaign() -> None:
     assert state_of_ledger("x", [line(1, "run_started", "a")], 0.0) is None
 
 
+def test_runs_that_were_not_asked_for_were_not_there() -> None:
+    assert state(line(0, "campaign_started", todo=KEYS, runs=60, there=5)).there_before == 5
+
+
 def test_runs_are_waiting_in_hand_and_done() -> None:
     found = state(
         started(),

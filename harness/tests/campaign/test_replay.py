@@ -83,6 +83,8 @@ def test_packed_runs_are_played_again(played: Path, tmp_path: Path) -> None:
     # The summary and the kept events of each.
     assert f"{RUNS} of {RUNS} runs are the same, in {2 * RUNS} files" in out
     assert "walk" in refused(ExitCode.BAD_INPUT, *again)
+    other = ("--experiment", "quickstart")
+    assert "has no runs of quickstart" in refused(ExitCode.BAD_INPUT, *again, *other)
 
 
 @needs_programs
@@ -182,3 +184,5 @@ def test_nothing_to_play_again_is_one_line(tmp_path: Path) -> None:
     assert "no results of quickstart" in line
     line = refused(ExitCode.BAD_INPUT, "results", "replay", str(tmp_path / "no.tar.xz"))
     assert "cannot read" in line
+    line = refused(ExitCode.BAD_INPUT, "results", "replay", "quickstart", "--experiment", "ramp")
+    assert "--experiment is for packed files" in line

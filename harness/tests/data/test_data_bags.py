@@ -266,3 +266,14 @@ def test_what_lies_beside_a_bag_is_no_part_of_it(tmp_path: Path) -> None:
     bag = write(tmp_path / "b.bag", {"/gray": pictures()})
     found = reader(bag, parts=(tmp_path / "b.bag.txt", tmp_path / "old" / "b.bag"))
     assert len(found) == 3 and "matches 2 more that are no parts of it" in found.notes[0]
+
+
+def test_images_of_one_stamp_do_not_pile_up(tmp_path: Path) -> None:
+    twice = [item for item in pictures(5) for _ in range(2)]
+    bag = reader(write(tmp_path / "b.bag", {"/gray": twice}))
+    frames = iter(bag)
+    next(frames)
+    next(frames)
+    waiting = frames.gi_frame.f_locals["waiting"]  # type: ignore[attr-defined]
+    assert not waiting
+    assert len(list(frames)) == 3

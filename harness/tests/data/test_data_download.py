@@ -6,6 +6,7 @@ from __future__ import annotations
 import gzip
 import hashlib
 import io
+import os
 import random
 import tarfile
 import zipfile
@@ -62,6 +63,22 @@ def test_a_verified_recipe_is_carried_out(tmp_path: Path, archive: Path) -> None
     with pytest.raises(SlambedError, match="exists already"):
         download(chosen, tmp_path / "data")
     assert [p.name for p in (tmp_path / "data").iterdir()] == ["sub"]
+
+
+def test_after_a_full_disk_the_archive_is_not_fetched_again(
+    tmp_path: Path, archive: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    chosen = dataset(url=archive.as_uri(), sha256=digest(archive), unpack="tar")
+    folder = tmp_path / "data"
+    with monkeypatch.context() as full:
+        full.setattr("shutil.move", lambda *_: os.truncate("/dev/full/x", 0))
+        with pytest.raises(SlambedError, match=str(folder)):
+            download(chosen, folder)
+    with monkeypatch.context() as offline:
+        offline.setattr("slambed.data.fetch._transfer", None)
+        assert download(chosen, folder) == digest(archive)
+    assert (folder / "d/rgb.txt").is_file()
+    assert [path.name for path in folder.iterdir()] == ["d"]
 
 
 def test_what_is_here_is_not_fetched_again(tmp_path: Path, archive: Path) -> None:

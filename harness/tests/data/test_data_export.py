@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """`slambed data export`: readers of the same format read what was written."""
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -11,11 +12,13 @@ from data_samples import CAMERA, HEIGHT, WIDTH, gray, trajectory, write_prepared
 from rosbags.highlevel import AnyReader
 from rosbags.typesys import Stores, get_typestore
 
+from slambed.data.camera_motion import CameraMotion
 from slambed.data.export import export, folder_times_ns
 from slambed.data.export_bag import GROUNDTRUTH, TOPICS
 from slambed.data.model import Frame
 from slambed.data.prepared import PreparedSequence, PreparedWriter
 from slambed.data.readers import ReaderOptions, load_reader
+from slambed.data.trajectory import write_tum
 from slambed.errors import SlambedError
 
 TIMES_NS = [1_000_000_000_000 + i * 100_000_000 for i in range(4)]
@@ -225,3 +228,17 @@ def test_kitti_gets_pictures_without_the_distortion_of_their_lens(tmp_path: Path
     bent_to = CAMERA.fx * x * (1 + 0.3 * r2) + CAMERA.cx
     assert bent_to - column > 1.5
     assert frame.gray[row, column] == pytest.approx(4 * bent_to, abs=2)
+
+
+@pytest.mark.parametrize("layout", ["euroc", "kitti", "mcap"])
+def test_positions_alone_are_not_exported_as_poses(tmp_path: Path, layout: str) -> None:
+    sequence = write_stereo(tmp_path / "prepared")
+    file = sequence.groundtruth_file
+    assert file is not None
+    truth = replace(trajectory([999.9, 1000.15, 1000.4]), has_orientation=False)
+    write_tum(file, truth)
+    with pytest.raises(SlambedError, match=f"has positions alone, and {layout} holds poses"):
+        export(sequence, layout, tmp_path / "out")
+    assert not (tmp_path / "out").exists()
+    with pytest.raises(SlambedError, match="positions alone, and where points go"):
+        CameraMotion.of(sequence)

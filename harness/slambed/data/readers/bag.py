@@ -138,7 +138,9 @@ class Reader(SequenceReader):
         with self._bag.open() as bag:
             for topic, message, _ in self._messages(bag, list(wanted)):
                 if (stamp := _stamp_ns(message)) in wanted[topic]:
-                    waiting.setdefault((topic, stamp), message)
+                    # A second image of this stamp would wait for ever.
+                    wanted[topic].discard(stamp)
+                    waiting[topic, stamp] = message
                 while position < len(self._pairs):
                     a, b = self._pairs[position]
                     keys = [(self._first, a)]
