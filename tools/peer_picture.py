@@ -5,8 +5,9 @@
     slambed run examples/orb_slam3/orb_slam3_beside_ours.yaml --runs 10
     .venv/bin/python tools/peer_picture.py results/orb_slam3_beside_ours docs/pictures/peer.png
 
-Dots are runs, lines are medians. Times are ratios to ours alone on a whole core. The error of a run
-that tracked less than 90 % of the frames is left out, because its path is shorter.
+Dots are runs, lines are medians. Time, CPU and memory are ratios to the median of ours alone on a
+whole core. The error of a run that tracked less than 90 % of the frames is left out, because its
+path is shorter.
 """
 
 import sys
@@ -47,24 +48,33 @@ class Panel:
     log: bool = False
 
 
+RATIOS = {
+    "time": "track_ms_median",
+    "cpu": "mobile_cpu_percent_mean",
+    "memory": "mobile_mem_mb_peak",
+}
+"""Column -> the metric of which it is the ratio to ours alone on a whole core."""
 PANELS = (
     Panel("coverage", "frames with a pose [%]", 100.0),
     Panel("ate_rmse_m", "ATE RMSE [cm], of runs with 90 % of the frames", 100.0),
+    Panel("track_losses", "track losses of a run"),
     Panel("time", "tracking time, ours alone on 1 core = 1", log=True),
-    Panel("mobile_mem_mb_peak", "peak memory of the robot [MiB]", log=True),
+    Panel("cpu", "CPU of the robot, likewise", log=True),
+    Panel("memory", "peak memory of the robot, likewise", log=True),
 )
 
 
 def runs_of(folder: Path) -> pd.DataFrame:
-    """Returns the valid runs with name, share of a core and time ratio."""
+    """Returns the valid runs with name, share of a core and ratios."""
     results = Results(folder)
     runs = results.runs
     runs = runs[runs.valid.astype(bool)].copy()
     label = runs.cell.str.partition("/")[0]
     runs["name"] = label.str.partition(", ")[0]
     runs["share"] = label.str.extract(r", ([0-9.]+) core", expand=False).astype(float)
-    whole = runs[(runs.name == ALONE) & (runs.share == 1.0)].track_ms_median.median()
-    runs["time"] = runs.track_ms_median / whole
+    whole = runs[(runs.name == ALONE) & (runs.share == 1.0)]
+    for column, of in RATIOS.items():
+        runs[column] = runs[of] / whole[of].median()
     runs.loc[runs.failed.astype(bool), "ate_rmse_m"] = float("nan")
     return runs
 
@@ -72,7 +82,7 @@ def runs_of(folder: Path) -> pd.DataFrame:
 def draw(runs: pd.DataFrame, target: Path) -> None:
     """Draws one panel for each metric."""
     plt.rcParams.update({"font.size": 9})
-    figure, axes = plt.subplots(2, 2, figsize=(9, 6), layout="constrained")
+    figure, axes = plt.subplots(2, 3, figsize=(13, 6), layout="constrained")
     order = list(SHARES)
     for axis, panel in zip(axes.flat, PANELS, strict=True):
         for number, (name, color) in enumerate(COLORS.items()):
@@ -122,11 +132,10 @@ def told(values: pd.Series, digits: int) -> str:
 def table(runs: pd.DataFrame) -> list[str]:
     """Returns the lines of a Markdown table, a row for each combination."""
     lines = [
-        f"| share of a core | system | link | runs | {' | '.join(p.title for p in PANELS[:2])} "
-        "| runs with a track loss [%] | frames dropped | time | memory |",
-        "|---" * 10 + "|",
+        "| core | system | link | runs | frames with a pose [%] | ATE RMSE [cm] "
+        "| runs with a loss [%] | frames dropped | time | CPU | memory |",
+        "|---" * 11 + "|",
     ]
-    memory = runs[(runs.name == ALONE) & (runs.share == 1.0)].mobile_mem_mb_peak.median()
     for share, words in SHARES.items():
         for name in COLORS:
             for link, (*_, says) in LINKS.items():
@@ -143,8 +152,7 @@ def table(runs: pd.DataFrame) -> list[str]:
                     told(own.ate_rmse_m * 100, 2),
                     f"{lost.value * 100:.0f} [{lost.low * 100:.0f} to {lost.high * 100:.0f}]",
                     told(own.frames_dropped, 0),
-                    told(own.time, 2),
-                    told(own.mobile_mem_mb_peak / memory, 2),
+                    *(told(own[column], 2) for column in RATIOS),
                 )
                 lines.append(f"| {' | '.join(cells)} |")
     return lines

@@ -18,6 +18,7 @@ import pandas as pd
 
 from slambed.data.trajectory import Trajectory
 from slambed.errors import SlambedError
+from slambed.metrics.collect import EVENTS, events_file, events_today
 from slambed.report.load import load
 
 OF_A_RUN = ("run_key", "cell", "label", "repetition", "seed")
@@ -30,6 +31,10 @@ class Results:
 
     def __init__(self, folder: str | Path) -> None:
         self._loaded = load(Path(folder))
+        if not len(self._loaded.runs):
+            raise SlambedError(
+                f"no results, {folder} has no readable run, run the experiment first"
+            )
         self.folder = self._loaded.folder
         self.title = self._loaded.title
 
@@ -67,7 +72,12 @@ class Results:
     def events(self, *types: str) -> pd.DataFrame:
         """Returns the events of all valid runs, of these types or of all without one; `t_ns` is run
         time. Columns without a value are left out when types are given, but for `dropped` of
-        messages."""
+        messages. `problems` says how many runs were kept without these events."""
+        folders = [self._loaded.run_dir(str(key)) for key in self.valid_runs["run_key"]]
+        without = sum(_events_file(folder, types) is None for folder in folders)
+        if without:
+            what = f" of {', '.join(types)}" if types else ""
+            self._loaded.complain(f"{without} of {len(folders)} runs are without events{what}")
         return self._tables("events", types)
 
     def samples(self) -> pd.DataFrame:
@@ -93,7 +103,7 @@ class Results:
     def _tables(self, name: str, types: tuple[str, ...] = ()) -> pd.DataFrame:
         parts = []
         for row in self.valid_runs[list(OF_A_RUN)].to_dict("records"):
-            table = self._loaded.table(str(row["run_key"]), name)
+            table = self._table(str(row["run_key"]), name, types)
             if table is None:
                 continue
             if types:
@@ -107,6 +117,20 @@ class Results:
             parts.append(table)
         parts = [part for part in parts if len(part)]
         return pd.concat(parts, ignore_index=True) if parts else pd.DataFrame(columns=OF_A_RUN)
+
+    def _table(self, key: str, name: str, types: tuple[str, ...]) -> pd.DataFrame | None:
+        file = _events_file(self._loaded.run_dir(key), types) if types else None
+        if file is None or file.name == EVENTS:
+            return self._loaded.table(key, name)
+        table = self._loaded.table(key, file.stem)
+        return None if table is None else events_today(table)
+
+
+def _events_file(folder: Path, types: tuple[str, ...]) -> Path | None:
+    """Returns the file with all events of a run, or of these types; None if they were not kept."""
+    if types:
+        return events_file(folder, types)
+    return folder / EVENTS if (folder / EVENTS).exists() else None
 
 
 def run(

@@ -40,6 +40,8 @@ OTHER_COLOR = "#7f7f7f"
 CHANNEL_COLORS = {
     "keyframe": "#0072B2", "map": "#D55E00", "control": "#999999", "frame": "#009E73",
 }  # fmt: skip
+LINK_CURVES = {"asked_rtt_ms": ("asked", "#999999"), "probe_rtt_ms": ("probed", "#009E73")}
+"""Label and color of each series of the link that the RTT row shows."""
 SOURCE_COLORS = {"tcp_info": "#D55E00", "echo": "#0072B2"}
 LOSS_COLOR = "#D55E00"
 REST_COLOR = "#7f7f7f"
@@ -68,17 +70,19 @@ def draw(run: RunLog, window: Window, path: Path) -> None:
 
 
 def figure_of(run: RunLog, window: Window) -> Figure:
-    """Draws one row of axes each for states, mobile, and with an edge for messages, edge and
-    RTT."""
+    """Draws one row of axes each for states and mobile, and for messages, edge and RTT if there is
+    something to draw. With stages of the edge there are always all rows."""
     lanes = {node: _workers(run, node) for node in ("mobile", "edge")}
     has_edge = bool(lanes["edge"])
     rows: list[tuple[float, Callable[[Axes], None]]] = [
         (STATES_HEIGHT + MORE_LANE * _more_lanes(run), lambda axes: _states(run, axes)),
         (max(1, len(lanes["mobile"])) + 0.6, lambda a: _stages(run, "mobile", lanes["mobile"], a)),
     ]
-    if has_edge:
+    if has_edge or len(run.of("message")):
         rows.append((3.0, lambda axes: _messages(run, axes)))
+    if has_edge:
         rows.append((len(lanes["edge"]) + 0.6, lambda a: _stages(run, "edge", lanes["edge"], a)))
+    if has_edge or _has_rtt(run):
         rows.append((3.0, lambda axes: _rtt(run, axes, window)))
     heights = [height for height, _ in rows]
     figure, axes = plt.subplots(
@@ -238,6 +242,16 @@ def _strip(axes: Axes, lane: int, times: pd.Series, states: pd.Series, end_s: fl
         axes.broken_barh([(begin, stop - begin)], (lane - 0.35, 0.7), facecolors=color)
 
 
+def _of_link(run: RunLog, name: str) -> pd.DataFrame:
+    return pd.DataFrame() if run.link is None else series(run.link, name)
+
+
+def _has_rtt(run: RunLog) -> bool:
+    """Returns whether the RTT row would show a curve or an outage."""
+    curves = [run.of("rtt_sample"), *(_of_link(run, name) for name in LINK_CURVES)]
+    return bool(run.outages_s) or any(len(curve) for curve in curves)
+
+
 def _rtt(run: RunLog, axes: Axes, window: Window) -> None:
     """Draws the RTT as requested, as probed, and as measured by the sockets; and outages."""
     tops: list[float] = []
@@ -247,14 +261,10 @@ def _rtt(run: RunLog, axes: Axes, window: Window) -> None:
         inside = curve.loc[curve["t_s"].between(window.begin_s, window.end_s), key].dropna()
         tops.extend([float(inside.max())] if len(inside) else [])
 
-    if run.link is not None:
-        for name, label, color in (
-            ("asked_rtt_ms", "asked", "#999999"),
-            ("probe_rtt_ms", "probed", "#009E73"),
-        ):
-            curve = series(run.link, name)
-            if len(curve):
-                show(curve, "value", color=color, label=label, linewidth=1.2)
+    for name, (label, color) in LINK_CURVES.items():
+        curve = _of_link(run, name)
+        if len(curve):
+            show(curve, "value", color=color, label=label, linewidth=1.2)
     samples = run.of("rtt_sample")
     for source, own in samples.groupby("source"):
         color = SOURCE_COLORS.get(str(source), OTHER_COLOR)

@@ -5,11 +5,13 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 import pandas as pd
+import pyarrow as pa
 import pyarrow.parquet as pq
 
 from slambed.errors import SlambedError
 from slambed.link.impairments import outages_within
-from slambed.metrics.collect import events_today, read_link, read_samples
+from slambed.metrics.collect import EVENTS, events_today, read_link, read_samples
+from slambed.metrics.event_columns import EVENT_COLUMNS, frame_of
 from slambed.metrics.events import EventLog, read_events
 from slambed.metrics.faults import Span, spans
 from slambed.metrics.stages import longest_stall
@@ -88,19 +90,49 @@ class RunLog:
 
 
 def read_run(folder: Path) -> RunLog:
-    """Reads a run from a result or a raw folder."""
-    if (parquet := folder / "events.parquet").is_file():
-        events = events_today(pq.read_table(parquet).to_pandas())
-    else:
-        events = pd.DataFrame(read_events(folder).events)
+    """Reads a run from a result or a raw folder. Raises SlambedError if its events are missing or
+    damaged."""
+    manifest = Manifest.read(folder / "manifest.json")
+    stored = (folder / EVENTS).is_file()
+    events = _stored_events(folder) if stored else _raw_events(folder)
     if events.empty:
-        raise SlambedError(f"no events in {folder}; give the folder of one run")
+        raise SlambedError(_why_no_events(folder, manifest, stored))
     events = pd.DataFrame(events.assign(t_s=events["t_ns"] / NS_PER_S))
     link, _ = read_link(folder)
     samples, _ = read_samples(folder)
-    manifest = Manifest.read(folder / "manifest.json")
     outages = _outages(manifest, float(events["t_s"].max()))
     return RunLog(folder, _title(folder, manifest), events, link, _status(folder), samples, outages)
+
+
+def _raw_events(folder: Path) -> pd.DataFrame:
+    """Returns the events with all columns of a result, also those that no event has."""
+    return frame_of(read_events(folder).events, EVENT_COLUMNS)
+
+
+def _stored_events(folder: Path) -> pd.DataFrame:
+    """Returns the events of a result, with columns that were added after it was stored."""
+    path = folder / EVENTS
+    try:
+        events = events_today(pq.read_table(path).to_pandas())
+    except (OSError, pa.ArrowException) as error:
+        first = (str(error).splitlines() or [""])[0]
+        raise SlambedError(f"{path}: unreadable ({first})") from None
+    if missing := [name for name in ("t_ns", "node", "type") if name not in events]:
+        raise SlambedError(f"{path}: not the events of a run, without {', '.join(missing)}")
+    return events.reindex(columns=list(dict.fromkeys([*EVENT_COLUMNS, *events])))
+
+
+def _why_no_events(folder: Path, manifest: Manifest | None, stored: bool) -> str:
+    """Returns the line for a folder without events: only a result has a summary."""
+    if stored:
+        return f"{folder}: the system reported no events"
+    if not (folder / "summary.json").is_file():
+        return f"no events in {folder}; give the folder of one run"
+    cell = manifest.cell if manifest is not None and manifest.cell else "*"
+    return (
+        f"{folder}: its events were not kept: packed runs have all of them only with --whole; "
+        f"\"slambed run NAME --force '{cell}'\", with its --engine and --runs, plays it again"
+    )
 
 
 def _outages(manifest: Manifest | None, end_s: float) -> tuple[tuple[float, float], ...]:

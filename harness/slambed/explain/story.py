@@ -4,8 +4,6 @@
 from collections.abc import Hashable
 from typing import Any
 
-import pandas as pd
-
 from slambed.explain.messages import dropped_lines
 from slambed.explain.run_log import RunLog
 from slambed.explain.updates import rest_lines, staged_update_lines
@@ -107,15 +105,16 @@ def _updates(run: RunLog) -> list[str]:
     applied = run.of("update_applied")
     lines = []
     if len(applied):
-        gaps = applied["gap_keyframes"].dropna() if "gap_keyframes" in applied else pd.Series([])
+        gaps = applied["gap_keyframes"].dropna()
         alone = len(applied) == 1
         newer = _count(int(gaps.sum()), "newer keyframe")
         gap = f", {newer} missing from {'it' if alone else 'them'}" if len(gaps) else ""
-        mean_ms = applied["t_mu_ms"].mean()
-        sent = int(applied.get("relocalization", pd.Series(dtype=bool)).fillna(False).sum())
+        taken = applied["t_mu_ms"].dropna()
+        t_mu = f", T_MU {taken.mean():.0f} ms" if len(taken) else ""
+        sent = int(applied["relocalization"].eq(True).sum())
         among = f" ({'' if alone else f'{sent} of them '}for a relocalization)" if sent else ""
         updates = _count(len(applied), "map update")
-        lines.append(f"{updates} applied{among}, T_MU {mean_ms:.0f} ms{gap}")
+        lines.append(f"{updates} applied{among}{t_mu}{gap}")
     for kind, what in (("update_declined", "map update"), ("keyframe_declined", "keyframe")):
         declined = run.of(kind)
         for reason, count in declined["reason"].value_counts().items():

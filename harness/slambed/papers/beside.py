@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from math import exp, isfinite, log
 from typing import Literal
 
+from slambed.papers.fitted import is_alike, share_off
 from slambed.papers.judged import Judged
 from slambed.papers.published import Difference, Gap, MaxOver, Reduction
 
@@ -34,16 +35,17 @@ class Beside:
 
 def beside(row: Judged) -> Beside | None:
     """Returns the place of our number; None without a number of ours or a printed one, and where
-    neither a ratio nor points have a meaning, as with a time from zero."""
+    neither a ratio nor points have a meaning, as with a time from zero or the time of a loss."""
     verdict, stated = row.verdict, row.cell.value
-    if not row.measured.there or stated is None:
+    if not row.measured.there or stated is None or not is_alike(row.cell):
         return None
     if verdict.scale in ("ratio", "points") and isfinite(verdict.effect):
         if verdict.scale == "points":
             return Beside("points", verdict.effect)
         return Beside("ratio", verdict.effect, _ratio_of(row))
     if row.measured.is_share:
-        return Beside("points", row.measured.share.value - stated / 100)
+        off = share_off(row.cell, row.measured, verdict)
+        return None if off is None else Beside("points", off)
     ours = row.measured.mean.value
     return Beside("ratio", log(ours / stated)) if ours > 0 and stated > 0 else None
 

@@ -41,6 +41,8 @@ class Cell:
     sequence: str
     link: str
     runs: int
+    measured: int
+    """Runs of which it is known whether they lost track."""
     lost: int
     error_m: float
     """Median ATE RMSE; NaN if no run has one."""
@@ -49,10 +51,12 @@ class Cell:
 
     @property
     def words(self) -> str:
-        return (
-            f"{self.variant}, {self.board}, {self.link}: median ATE RMSE {100 * self.error_m:.2g} "
-            f"cm, {self.lost} of {self.runs} runs lost track"
-        )
+        known = isfinite(self.error_m)
+        error = f"median ATE RMSE {100 * self.error_m:.2g} cm" if known else "no ATE RMSE"
+        losses = f"{self.lost} of {self.measured} runs lost track"
+        if not self.measured:
+            losses = "track losses not measured"
+        return f"{self.variant}, {self.board}, {self.link}: {error}, {losses}"
 
 
 def cells_of_runs(results: Results) -> list[Cell]:
@@ -65,6 +69,7 @@ def cells_of_runs(results: Results) -> list[Cell]:
     found = []
     for key, own in named.groupby(["row", "device_mobile", "scene", "profile"], sort=False):
         row, board, scene, link = map(str, key)
+        losses = pd.to_numeric(own["track_losses"])
         found.append(
             Cell(
                 row,
@@ -72,7 +77,8 @@ def cells_of_runs(results: Results) -> list[Cell]:
                 scene,
                 link,
                 len(own),
-                int(own["track_losses"].gt(0).sum()),
+                int(losses.notna().sum()),
+                int(losses.gt(0).sum()),
                 float(own["ate_rmse_m"].median()),
                 float(own["coverage"].median()),
             )
@@ -87,11 +93,14 @@ def scene_of(dataset: str) -> str:
 
 def takeaway(cells: list[Cell]) -> list[str]:
     """Returns what the runs show, in a reader's words."""
-    kept = sum(cell.lost <= RARELY * cell.runs for cell in cells)
+    cells = [cell for cell in cells if cell.measured]
+    if not cells:
+        return ["Track losses were not measured."]
+    kept = sum(cell.lost <= RARELY * cell.measured for cell in cells)
     of_all = f"In {kept} of {len(cells)} combinations"
     first = f"{of_all} at most {100 * RARELY:.0f} % of the runs lose track."
     shares = {
-        name: sum(c.lost for c in own) / sum(c.runs for c in own)
+        name: sum(c.lost for c in own) / sum(c.measured for c in own)
         for name in dict.fromkeys(cell.variant for cell in cells)
         if (own := [cell for cell in cells if cell.variant == name])
     }
@@ -118,7 +127,7 @@ def cell_svg(cells: list[Cell], links: list[str], boards: list[str]) -> Markup:
     for cell in cells:
         board = boards.index(cell.board)
         middle = COLUMN * (links.index(cell.link) + (board + 1) / (len(boards) + 1))
-        share = cell.lost / cell.runs
+        share = cell.lost / cell.measured if cell.measured else 0.0
         dot = ""
         if isfinite(cell.error_m):
             at = f'cx="{middle:.1f}" cy="{_height(cell.error_m):.1f}"'
@@ -166,12 +175,18 @@ def cross_table(cells: list[Cell]) -> Table:
                 c.sequence,
                 c.link,
                 str(c.runs),
-                str(c.lost),
+                _losses(c),
                 error,
-                f"{100 * c.coverage:.1f}",
+                f"{100 * c.coverage:.1f}" if isfinite(c.coverage) else "-",
             ]
         )
     return table
+
+
+def _losses(cell: Cell) -> str:
+    if cell.measured == cell.runs:
+        return str(cell.lost)
+    return f"{cell.lost} of {cell.measured}" if cell.measured else "-"
 
 
 def write_cross_page(results: Results, folder: Path) -> Path | None:

@@ -405,17 +405,14 @@ class OrderingCase:
     def table(self, ours: bool) -> Floats:
         """Returns the means, one row per chain; NaN where a value is missing."""
         rows = [
-            [
-                (float(np.mean(m.values)) if m.there else np.nan) if ours else (c.value or np.nan)
-                for c, m in chain
-            ]
+            [(float(np.mean(m.values)) if m.there else None) if ours else c.value for c, m in chain]
             for chain in self.rising
         ]
-        return np.array(rows, dtype=np.float64)
+        return np.array(rows, dtype=np.float64)  # a None becomes NaN
 
     def _spreads(self) -> tuple[Floats, Floats]:
         """Returns our coefficients of variation and numbers of runs, one row per chain."""
-        spread = [[Mean.of(m.values).cv or np.nan for _, m in chain] for chain in self.rising]
+        spread = [[Mean.of(m.values).cv for _, m in chain] for chain in self.rising]
         runs = [[len(m.values) for _, m in chain] for chain in self.rising]
         return np.array(spread, dtype=np.float64), np.array(runs, dtype=np.float64)
 

@@ -4,7 +4,7 @@
 from dataclasses import dataclass
 from math import isfinite, log, nan
 
-from slambed.papers.beside import beside
+from slambed.papers.beside import Beside, beside
 from slambed.papers.codes import named
 from slambed.papers.judged import Judged, Mark
 
@@ -88,8 +88,7 @@ def strip_svg(rows: list[Judged], prefix: str, most: int | None = None) -> str:
 
 
 def _lane(lane: Lane, middle: float, prefix: str) -> str:
-    judged = [r.verdict.bound for r in lane.rows if r.mark in JUDGED]
-    bound = min(judged, default=nan)
+    bound = _bound(lane)
     left, right, half = lane.place(-bound), lane.place(bound), lane.height / 2 - 2
     parts = [
         f'<text class="lane" x="{LABEL - 8}" y="{middle + 3.5:.1f}">{_words(lane.metric)}</text>',
@@ -108,7 +107,7 @@ def _lane(lane: Lane, middle: float, prefix: str) -> str:
         light = "" if row.mark in JUDGED else ' class="light"'
         what = f"{named(row.cell, {})}: paper {row.stated}, ours {row.ours}, {place.words}"
         whisker = ""
-        if verdict.scale == place.scale and isfinite(verdict.low) and isfinite(verdict.high):
+        if _on_axis(row, place) and isfinite(verdict.low) and isfinite(verdict.high):
             whisker = (
                 f'<line class="whisker" x1="{lane.place(verdict.low):.1f}" '
                 f'x2="{lane.place(verdict.high):.1f}" y1="{y:.1f}" y2="{y:.1f}" '
@@ -120,6 +119,17 @@ def _lane(lane: Lane, middle: float, prefix: str) -> str:
             f'fill="{COLORS[row.mark]}"/></a>'
         )
     return "".join(parts)
+
+
+def _bound(lane: Lane) -> float:
+    """Returns the smallest margin of the lane's judged numbers; NaN if none has one on its axis."""
+    bounds = [r.verdict.bound for r in lane.rows if r.mark in JUDGED and _on_axis(r, beside(r))]
+    return min(filter(isfinite, bounds), default=nan)
+
+
+def _on_axis(row: Judged, place: Beside | None) -> bool:
+    """Returns whether the verdict's interval and margin are on the axis of the number's place."""
+    return place is not None and row.verdict.scale == place.scale
 
 
 def _axis(lane: Lane, top: float) -> str:

@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Computes numbers per cell: estimates with intervals, and notes on groups in the data."""
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
@@ -137,6 +138,14 @@ def estimate(rows: pd.DataFrame, item: Metric) -> Interval | None:
     return interval(values)
 
 
+def intervals_or_ranges(values: Iterable[Interval]) -> str:
+    """Returns what a figure draws around these estimates, for its caption."""
+    ranges = {value.is_range for value in values}
+    if ranges == {True}:
+        return "the range of fewer than 6 runs"
+    return "95 % intervals" + (", or the range of fewer than 6 runs" if True in ranges else "")
+
+
 def _groups_note(rows: pd.DataFrame, item: Metric) -> list[str]:
     """Returns a note on two groups of runs, which one median would hide."""
     if item.kind == "share" or item.key not in rows:
@@ -160,11 +169,9 @@ def _coverage_note(rows: pd.DataFrame) -> list[str]:
     )
     if found.survivors == found.runs:
         return []
-    below = f"tracked less than {LEAST_COVERAGE:.0%} of their frames"
+    failed = _failed(rows)
     if not found.survivors:
-        return [
-            f"{found.runs} of {found.runs} runs {below}; their ATE is that of what they tracked"
-        ]
+        return [f"{failed}; their ATE is that of what they tracked"]
     ate = metric("ate_rmse_m")
     over_all = (
         "the median run failed"
@@ -172,9 +179,26 @@ def _coverage_note(rows: pd.DataFrame) -> list[str]:
         else f"median over all runs {ate.show(found.median_m)} {ate.shown_unit}"
     )
     return [
-        f"{found.runs - found.survivors} of {found.runs} runs {below}; ATE of the others "
-        f"{ate.show(found.survivor_median_m)} {ate.shown_unit}, {over_all}"
+        f"{failed}; ATE of the others {ate.show(found.survivor_median_m)} {ate.shown_unit}, "
+        f"{over_all}"
     ]
+
+
+def _failed(rows: pd.DataFrame) -> str:
+    """Returns how many runs rank as failed, by what they lack."""
+    coverage, ate = (
+        pd.to_numeric(rows[key], errors="coerce") for key in ("coverage", "ate_rmse_m")
+    )
+    below, without = coverage < LEAST_COVERAGE, ate.isna()
+    counts = {
+        f"tracked less than {LEAST_COVERAGE:.0%} of their frames": below,
+        "without an ATE": ~below & without,
+        "without a coverage": ~below & ~without & coverage.isna(),
+    }
+    parts = [
+        f"{own.sum()} of {len(rows)} runs {words}" for words, own in counts.items() if own.any()
+    ]
+    return ", ".join(parts)
 
 
 def _scale_note(rows: pd.DataFrame) -> list[str]:
@@ -192,6 +216,7 @@ def number(value: object) -> float | None:
 
 
 def what_runs_show(cells: list[Cell]) -> str:
-    """Returns which difference the runs of the smallest cell can show; empty if there is nothing to
-    compare."""
-    return power_hint(min(cell.valid for cell in cells)) if len(cells) > 1 else ""
+    """Returns which difference the runs of the smallest cell can show. Cells without a valid run
+    do not count; empty if there is nothing to compare."""
+    counts = [cell.valid for cell in cells if cell.valid]
+    return power_hint(min(counts)) if len(counts) > 1 else ""

@@ -48,7 +48,8 @@ def differences(
     results: Results, baseline: str | None = None, between: str = SYSTEMS
 ) -> list[Difference]:
     """Compares every system with the first one (or `baseline`) for the same dataset and link; with
-    LINKS, every link with the first one for the same system and dataset."""
+    LINKS, every link with the first one for the same system and dataset. Where the first one of
+    the experiment has no runs, it is the first one that has."""
     runs = results.valid_runs
     if not len(runs):
         return []
@@ -84,14 +85,14 @@ def _pairs(
     for (engine, dataset, under), group in runs.groupby(
         ["engine", "dataset", fixed], sort=False, dropna=False
     ):
-        there = list(dict.fromkeys(named[runs["engine"].astype(str) == str(engine)]))
-        first = baseline if baseline in there else there[0]
         own = named.loc[group.index]
-        base = group[own == first]
+        order = dict.fromkeys(named[runs["engine"].astype(str) == str(engine)])
+        there = [name for name in order if own.eq(name).any()]
+        first = baseline if baseline in there else there[0]
         for other in there:
-            runs_of_other = group[own == other]
-            if other != first and len(base) and len(runs_of_other):
-                yield text(dataset), _name(under), first, other, base, runs_of_other
+            if other != first:
+                sides = group[own == first], group[own == other]
+                yield text(dataset), _name(under), first, other, *sides
 
 
 def _name(value: object) -> str:

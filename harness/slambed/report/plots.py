@@ -132,9 +132,10 @@ def _jobs(
             ("stages", partial(draw_stages, results, condition, writer)),
         ):
             yield Job(kind, drawn, f"{kind} {made}")
-    for _, variant, played, column, runs in sweeps(results):
-        draw = partial(draw_sweep, results, variant, played, column, runs, writer)
-        yield Job("sweep", draw, made_of(runs, "sweep", variant, played, column))
+    for sweep in sweeps(results):
+        draw = partial(draw_sweep, sweep, writer)
+        words = (sweep.variant, sweep.dataset, sweep.column, *sweep.apart)
+        yield Job("sweep", draw, made_of(sweep.runs, "sweep", *words))
     for (label, dataset), runs in results.valid_runs.groupby(["label", "dataset"], sort=False):
         if runs["profile"].nunique() > 1:
             draw = partial(draw_losses_by_profile, results, str(label), str(dataset), runs, writer)

@@ -12,15 +12,23 @@ NO_LINK = "no link"
 
 
 def told(results: Results) -> str:
-    """Returns one sentence about the valid runs; empty without any."""
-    runs = results.valid_runs
-    lost = runs["lost"].eq(True)
+    """Returns one sentence about the valid runs with measured losses; empty without any."""
+    valid = results.valid_runs
+    runs = valid[valid["lost"].notna()]
     if not len(runs):
         return ""
+    more = len(valid) - len(runs)
+    were = "were" if more > 1 else "was"
+    return _of_measured(runs) + (f"; {more} more {were} not measured." if more else ".")
+
+
+def _of_measured(runs: pd.DataFrame) -> str:
+    """Returns the sentence without its full stop."""
+    lost = runs["lost"].eq(True)
     if not lost.any():
-        return f"No run of {len(runs)} lost track." if len(runs) > 1 else "The run kept track."
+        return f"No run of {len(runs)} lost track" if len(runs) > 1 else "The run kept track"
     if lost.all():
-        return f"Every run of {len(runs)} lost track." if len(runs) > 1 else "The run lost track."
+        return f"Every run of {len(runs)} lost track" if len(runs) > 1 else "The run lost track"
     groups = sorted(
         runs.assign(lost=lost).groupby("label", sort=False),
         key=lambda group: -float(group[1]["lost"].mean()),
@@ -28,7 +36,7 @@ def told(results: Results) -> str:
     parts = [_of_system(str(label), rows) for label, rows in groups[:MOST_SYSTEMS]]
     more = len(groups) - MOST_SYSTEMS
     rest = f"; {more} more systems are in the table" if more > 0 else ""
-    return f"Runs with a track loss: {'; '.join(parts)}{rest}."
+    return f"Runs with a track loss: {'; '.join(parts)}{rest}"
 
 
 def _of_system(label: str, rows: pd.DataFrame) -> str:

@@ -101,7 +101,8 @@ def truth_table(live: Results, virtual: Results) -> Table:
             row = _row(quantity, quantity.of(live, theirs[cell]), quantity.of(virtual, ours[cell]))
             if row is not None:
                 table.rows.append([name, *row])
-        table.rows.append([name, *_losses(theirs[cell], ours[cell])])
+        if (lost := _losses(theirs[cell], ours[cell])) is not None:
+            table.rows.append([name, *lost])
     return table
 
 
@@ -163,13 +164,17 @@ def _spread(values: Values) -> str:
     return f"{np.median(values):.3g} ({values.min():.3g} to {values.max():.3g})"
 
 
-def _losses(live: pd.DataFrame, virtual: pd.DataFrame) -> list[str]:
-    lost = [int(rows["lost"].eq(True).sum()) for rows in (live, virtual)]
-    p_value = fisher(lost[0], len(live), lost[1], len(virtual))
+def _losses(live: pd.DataFrame, virtual: pd.DataFrame) -> list[str] | None:
+    """Compares the runs whose losses were measured; None if one side has none."""
+    a, b = (rows["lost"].dropna().eq(True) for rows in (live, virtual))
+    if not len(a) or not len(b):
+        return None
+    lost_a, lost_b = int(a.sum()), int(b.sum())
+    p_value = fisher(lost_a, len(a), lost_b, len(b))
     return [
         "runs with a track loss",
-        f"{lost[0]} of {len(live)}",
-        f"{lost[1]} of {len(virtual)}",
+        f"{lost_a} of {len(a)}",
+        f"{lost_b} of {len(b)}",
         f"p {p_value:.2f}",
         "",
         "yes" if p_value > USUAL_ALPHA else "no",

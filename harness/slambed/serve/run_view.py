@@ -28,6 +28,7 @@ Floats = NDArray[np.float64]
 Notify = Callable[[dict[str, Any]], str]
 
 MOST_FRAMES = 20_000
+"""Frames under the slider; the page says how many more there are."""
 MOST_POSES = 4_000
 SAME_TIME_S = 2e-3
 """A frame and its pose are at most so far apart."""
@@ -80,11 +81,13 @@ def run_json(
     map in sequence time. Raises SlambedError if the run has no events."""
     log = read_run(run.folder)
     frames = frames_of(log, run, sequence)
+    left_out = len(log.of("frame_tracked", "frame_dropped")) - MOST_FRAMES
     path = _aligned(run, truth)
     zero_s = _origin_s(frames, run, log, sequence) or 0.0
     return {
         "end_s": numbers(max(log.end_s, 0.001)),
         "frames": frames,
+        "frames_left_out": max(0, left_out),
         "stretches": _stretches(log),
         "faults": [
             {"begin_s": f.begin_s, "end_s": log.end_s if f.end_s is None else f.end_s,
@@ -104,8 +107,8 @@ def run_json(
 def frames_of(
     log: RunLog, run: RunFiles, sequence: PreparedSequence | None
 ) -> dict[str, list[Any]]:
-    """Returns the played frames in order of time: index in the sequence, times offered and done,
-    state, tracking time and inliers."""
+    """Returns the first played frames in order of time: index in the sequence, times offered and
+    done, state, tracking time and inliers."""
     rows = log.of("frame_tracked", "frame_dropped")
     if rows.empty:
         return _planned_frames(run, sequence)

@@ -4,7 +4,7 @@ lead to our pages."""
 
 import hashlib
 import time
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Hashable, Iterator, Mapping
 from contextlib import contextmanager
 from http import HTTPStatus
 from importlib.resources import files
@@ -31,6 +31,8 @@ from slambed.serve.run_view import RunFiles, run_json
 from slambed.spec.run_spec import run_name
 
 Query = Mapping[str, list[str]]
+StampedEntry = tuple[Hashable, ExperimentEntry]
+"""An entry of the list, with the stamp of the files that it was made of."""
 
 EXPERIMENTS, PAPERS, STATIC = "experiments", "papers", "static"
 OWN_SCRIPTS = ("follow.js", "run.js", "lanes.js", "space.js", "features.js")
@@ -75,7 +77,7 @@ class Site:
                 text, what = self._static[name]
                 return content(text.encode(), what)
             case ["state.json"]:
-                return as_json({"version": self._list_version()})
+                return as_json({"version": self._list_version(self._entries())})
             case [kind, *rest] if kind == PAPERS:
                 return self._file(self.results / PAPERS, rest)
             case [kind, name, *rest] if kind == EXPERIMENTS and is_experiment(self.results / name):
@@ -92,7 +94,8 @@ class Site:
             case []:
                 return self._experiment(name, query)
             case ["state.json"]:
-                return as_json({"version": self._experiment_version(name)})
+                version = self._experiment_version(self._load(name)[0], self._listed_now(name))
+                return as_json({"version": version})
             case ["report", *file]:
                 return self._file(folder / "report", file)
             case [file] if file in OF_EXPERIMENT:
@@ -143,29 +146,33 @@ class Site:
     # The list of experiments.
 
     def _list(self) -> Answer:
-        names = names_of(self.results)
-        shown = [self._listed_now(name) for name in names]
+        entries = self._entries()
+        shown = [entry for _, entry in entries]
         return page(
             "serve_list.html.j2",
             folder=str(self.results),
-            version=self._list_version(),
+            version=self._list_version(entries),
             experiments=sorted(shown, key=lambda item: -item.changed_s),
             has_papers=(self.results / PAPERS / "index.html").is_file(),
             when=lambda s: time.strftime("%Y-%m-%d %H:%M", time.localtime(s)),
             campaign=self._status,
         )
 
-    def _listed_now(self, name: str) -> ExperimentEntry:
+    def _listed_now(self, name: str) -> StampedEntry:
+        """Returns the entry that a page shows, which may be older than its files, with its
+        stamp."""
         make: Callable[[], ExperimentEntry] = lambda: listed(self.results, name)  # noqa: E731
-        return self._listed.get(name, self._stamp(name), make)[1]
+        return self._listed.get(name, self._stamp(name), make)
 
-    def _list_version(self) -> str:
-        names = names_of(self.results)
-        return _digest([(name, self._stamp(name), self._is_alive(name)) for name in names])
+    def _entries(self) -> list[StampedEntry]:
+        return [self._listed_now(name) for name in names_of(self.results)]
 
-    def _is_alive(self, name: str) -> bool:
+    def _list_version(self, entries: list[StampedEntry]) -> str:
+        return _digest([(entry.name, stamp, self._is_alive(entry)) for stamp, entry in entries])
+
+    def _is_alive(self, entry: ExperimentEntry) -> bool:
         """Checks the process too, because a killed campaign changes no file."""
-        campaign = self._listed_now(name).campaign
+        campaign = entry.campaign
         return campaign is not None and campaign.alive and is_alive(campaign.pid, campaign.began_s)
 
     def _status(self, item: ExperimentEntry) -> str:
@@ -188,16 +195,18 @@ class Site:
 
     # One experiment.
 
-    def _load(self, name: str) -> tuple[Any, LoadedExperiment]:
+    def _load(self, name: str) -> tuple[Hashable, LoadedExperiment]:
         folder = self.results / name
         return self._loaded.get(name, self._stamp(name), lambda: LoadedExperiment.of(folder))
 
-    def _experiment_version(self, name: str) -> str:
-        stamp, _ = self._load(name)
-        return _digest([stamp, self._is_alive(name)])
+    def _experiment_version(self, stamp: Hashable, listed_now: StampedEntry) -> str:
+        """Returns the version of a page of runs with this stamp, and of this entry."""
+        listed_stamp, entry = listed_now
+        return _digest([stamp, listed_stamp, self._is_alive(entry)])
 
     def _experiment(self, name: str, query: Query) -> Answer:
-        _, loaded = self._load(name)
+        stamp, loaded = self._load(name)
+        listed_now = self._listed_now(name)
         options = loaded.options()
         chosen = RunFilter.of_query(query, options)
         runs, more = loaded.runs(chosen)
@@ -205,9 +214,9 @@ class Site:
         return page(
             "serve_experiment.html.j2",
             name=name,
-            version=self._experiment_version(name),
+            version=self._experiment_version(stamp, listed_now),
             title=loaded.results.title,
-            campaign=self._status(self._listed_now(name)),
+            campaign=self._status(listed_now[1]),
             expected=loaded.results.expected,
             there=len(loaded.results.runs),
             valid=len(loaded.results.valid_runs),

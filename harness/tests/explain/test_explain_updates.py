@@ -7,7 +7,7 @@ from typing import Any
 
 import matplotlib.pyplot as plt
 import numpy as np
-import pandas as pd
+import pyarrow as pa
 import pytest
 from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection, PolyCollection
@@ -17,6 +17,7 @@ from slambed.explain.picture import LANE_IN, MORE_LANE, REST_COLOR, Window, figu
 from slambed.explain.run_log import RunLog
 from slambed.explain.story import story
 from slambed.explain.updates import Rest, rests, staged_updates
+from slambed.metrics.event_columns import EVENT_COLUMNS, frame_of
 
 STAGED_LANES = ["updates begun", "updates ready"]
 
@@ -53,9 +54,8 @@ RESTARTED = [  # a restarted edge numbers from the start; update 4 was lost
 
 
 def log_of(*events: dict[str, Any]) -> RunLog:
-    table = pd.DataFrame([*FRAMES, STAGE, DECLINED, *events])
-    for column in ("update", "pause_ms", "t_mu_ms", "reason"):
-        table[column] = table.get(column)  # a run's table has all columns
+    rows = [*FRAMES, STAGE, DECLINED, *events]
+    table = frame_of(rows, EVENT_COLUMNS | {"t_s": pa.float64()})
     table = table.sort_values("t_s", kind="stable").reset_index(drop=True)
     return RunLog(Path("run"), "run", table, link=None)
 

@@ -7,15 +7,18 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
+import pyarrow as pa
 import pytest
 
 from slambed.explain.run_log import RunLog, RunStatus
 from slambed.explain.story import MOST_CHANGES, story
+from slambed.metrics.event_columns import EVENT_COLUMNS, frame_of
 
 
 def log_of(*events: dict[str, Any]) -> RunLog:
-    tracked = {"t_s": 60.0, "type": "frame_tracked", "state": "ok", "reason": None}
-    return RunLog(Path(), "", pd.DataFrame([*events, tracked]), None)
+    tracked = {"t_s": 60.0, "type": "frame_tracked", "state": "ok"}
+    table = frame_of([*events, tracked], EVENT_COLUMNS | {"t_s": pa.float64()})
+    return RunLog(Path(), "", table, None)
 
 
 def change(t_s: float, before: str, after: str, rtt_ms: float | None) -> dict[str, Any]:
@@ -126,6 +129,11 @@ def test_keyframes_that_an_update_lacks_are_not_lost_by_the_link(
     count, rest = line.split(" applied, ")
     among = f"({'' if len(missing) == 1 else '1 of them '}for a relocalization)"
     assert f"{count} applied {among}, {rest}" in story(log_of(*events))
+
+
+def test_an_update_without_its_time_has_none_in_its_line() -> None:
+    update = {"t_s": 1.0, "type": "update_applied", "node": "mobile", "update": 1}
+    assert "1 map update applied" in story(log_of(update))
 
 
 def test_a_stall_of_the_link_is_reported_with_its_end() -> None:

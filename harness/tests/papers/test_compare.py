@@ -2,6 +2,7 @@
 """Published numbers compared with ours: provenance comes first, and verdicts follow from the
 numbers."""
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -14,6 +15,7 @@ import pytest
 from slambed.errors import SlambedError
 from slambed.metrics.collect import SOME_EVENTS, write_some_events
 from slambed.metrics.update_round import PART_FIELDS
+from slambed.papers.beside import Beside, beside
 from slambed.papers.compare import Column, PaperVerdicts, compare_paper, comparison_table
 from slambed.papers.experiment_tables import comparisons_for
 from slambed.papers.fits import DeviceFit, read_fits
@@ -23,10 +25,12 @@ from slambed.papers.lookup import Found, Pool, pool_of
 from slambed.papers.measured import Measured
 from slambed.papers.paper_runs import experiments_of
 from slambed.papers.peer import peer_tables
-from slambed.papers.published import Paper, cells_of, read_paper, read_papers
+from slambed.papers.published import Difference, Paper, cells_of, read_paper, read_papers
 from slambed.papers.published.mapping import OtherReading
 from slambed.papers.verdicts.means import judge_mean
-from slambed.papers.verdicts.model import Mean
+from slambed.papers.verdicts.model import Mean, Share, Verdict
+from slambed.papers.verdicts.shares import judge_share
+from slambed.papers.verdicts.statements import judge_difference, judge_window, pair_by_seed
 from slambed.report.load import Results
 
 OFFICE = "fr3_long_office_household"
@@ -263,6 +267,54 @@ def test_a_fitted_mean_that_is_far_from_the_printed_one_says_so() -> None:
     assert hint_of(77.0, 77.1, 76.9, 77.0, 77.0) == "fitted, yet 40 % above the printed value"
     assert hint_of(33.0) == "fitted, yet 40 % below the printed value"
     assert hint_of(55.0, 55.1, 54.9, 55.0, 55.0) == ""
+
+
+SIX_OF_TWENTY = Measured(Found(None, None, ""), np.repeat([1.0, 0.0], [6, 14]), is_share=True)
+
+
+@pytest.mark.parametrize("losses", [3, 6])
+def test_the_time_of_losses_is_not_compared_with_their_share(
+    dynnetslam: Paper, losses: int
+) -> None:
+    """C28: losses at 22 s, judged by the share of them in a window."""
+    cell = cells_of(dynnetslam)["dynnet.C28"]
+    row = Judged(cell, "fitted", judge_window(3, losses, 3 / 87), SIX_OF_TWENTY, "")
+    assert (beside(row), row.hint) == (None, "")
+
+
+def test_runs_with_a_loss_in_a_window_are_compared(dynnetslam: Paper) -> None:
+    """C29: 0 of 100 runs; six of ours lose track, four of them in the window."""
+    cell = cells_of(dynnetslam)["dynnet.C29"]
+    verdict = judge_share(Share(4, 20), Share(0, 100))
+    row = Judged(cell, "fitted", verdict, SIX_OF_TWENTY, "")
+    assert beside(row) == Beside("points", 0.2)
+    assert row.hint == "fitted, yet 20 points above the printed value"
+    few = replace(row, verdict=judge_share(Share(1, 4), Share(0, 100)))
+    assert (beside(few), few.hint) == (None, "")
+
+
+def test_a_printed_number_of_runs_is_a_share_of_its_runs(dynnetslam: Paper) -> None:
+    """C27 prints runs of 100; here they are of ten, then of an unknown number."""
+    cell = replace(cells_of(dynnetslam)["dynnet.C27"], value=3.0, runs=10)
+    row = Judged(cell, "fitted", Verdict("inconclusive", ""), SIX_OF_TWENTY, "")
+    place = beside(row)
+    assert place is not None and (place.words, row.hint) == ("as printed", "")
+    unknown = replace(row, cell=replace(cell, runs=None))
+    assert (beside(unknown), unknown.hint) == (None, "")
+
+
+def test_a_difference_of_shares_is_compared_with_the_printed_difference(dynnetslam: Paper) -> None:
+    """30 % and 10 % of ours, printed 10 points."""
+    cell = cells_of(dynnetslam)["dynnet.C26"]
+    assert cell.claim is not None
+    quantity = Difference(kind="difference", of="one", base="other")
+    claim = cell.claim.model_copy(update={"quantity": quantity})
+    pair = pair_by_seed(np.repeat([1.0, 0.0], [2, 18]), SIX_OF_TWENTY.values)
+    verdict = judge_difference(pair, 10.0, scale=100.0)
+    row = Judged(replace(cell, value=10.0, claim=claim), "fitted", verdict, SIX_OF_TWENTY, "")
+    place = beside(row)
+    assert place is not None and place.words == "+10 points"
+    assert row.hint == "fitted, yet 10 points above the printed value"
 
 
 def test_runs_that_are_kept_without_events_are_no_missing_runs(

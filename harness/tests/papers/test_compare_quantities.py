@@ -1,13 +1,19 @@
 # SPDX-License-Identifier: Apache-2.0
 """Claims of the IJNC paper that are computed from several numbers of ours: C07 and C28."""
 
+from dataclasses import replace
 from typing import Any
 
+import numpy as np
 import pytest
 from test_compare import column_of, outcome_of, results_of, runs_of
 
 from slambed.papers.beside import beside
-from slambed.papers.published import Paper, read_papers
+from slambed.papers.judged import Judge
+from slambed.papers.lookup import Found, pool_of
+from slambed.papers.measured import Measured
+from slambed.papers.orderings import OrderingCase
+from slambed.papers.published import Paper, cells_of, read_papers
 from slambed.report.load import Results
 
 SYSTEMS = {
@@ -123,3 +129,18 @@ def test_one_of_them_is_enough_to_differ(paper: Paper, losing: str) -> None:
 def test_without_one_of_them_nothing_is_said(paper: Paper) -> None:
     found = column_of(paper, desk(leaving_out="relocate"))
     assert found.rows["ijnc.C28"].mark == "N"
+
+
+def test_zeros_in_a_table_are_no_gaps(paper: Paper) -> None:
+    """O05, with a printed 0 and runs of ours without a spread."""
+    contrast = next(c for c in paper.contrasts if c.id == "ijnc.O05")
+    cells = cells_of(paper)
+    first = contrast.chains[0][0]
+    cells[first] = replace(cells[first], value=0.0)
+    same = Measured(Found(None, None, ""), np.full(5, 0.9))
+    judge = Judge(paper, pool_of([]), cells, frozenset(), dict.fromkeys(cells, same))
+    case = OrderingCase(judge, contrast)
+    assert 0.0 in case.table(ours=False) and np.isfinite(case.table(ours=False)).all()
+    assert 0 <= case.p_paper() <= 1
+    spread, runs = case._spreads()
+    assert not spread.any() and (runs == 5).all()

@@ -78,6 +78,34 @@ def test_the_headline_is_computed() -> None:
     ]
 
 
+def test_what_was_not_measured_is_not_shown_as_none(tmp_path: Path) -> None:
+    results = results_of({"A": 2, "B": 0})
+    runs = results.runs.astype({"track_losses": object})
+    results.runs = runs
+    first = runs.index[runs["label"].eq("A [pi]") & runs["profile"].eq("slow")]
+    runs.loc[first[5:], "track_losses"] = None
+    runs.loc[first, "ate_rmse_m"] = None
+    of_b = runs["label"].str.startswith("B")
+    runs.loc[of_b, ["track_losses", "coverage"]] = None
+    cells = cells_of_runs(results)
+    words = [cell.words for cell in cells]
+    assert "A, pi, slow: no ATE RMSE, 2 of 5 runs lost track" in words
+    assert "B, pi, none: median ATE RMSE 5.5 cm, track losses not measured" in words
+    assert takeaway(cells) == [
+        "In 2 of 4 combinations at most 10 % of the runs lose track. None of 1 variant never "
+        "loses it. A loses it most often, in 11 % of its runs."
+    ]
+    assert takeaway([c for c in cells if c.variant == "B"]) == ["Track losses were not measured."]
+    path = write_cross_page(results, tmp_path)
+    assert path is not None and "nan" not in re.sub("[a-z]nan|nan[a-z]", "", path.read_text())
+    with (tmp_path / "tables" / "all_systems.csv").open() as file:
+        rows = list(csv.DictReader(file))
+    assert {row["runs with a loss"] for row in rows if row["variant"] == "B"} == {"-"}
+    assert {row["coverage [%]"] for row in rows if row["variant"] == "B"} == {"-"}
+    (a,) = [r for r in rows if (r["variant"], r["board"], r["link"]) == ("A", "pi", "slow")]
+    assert (a["runs"], a["runs with a loss"], a["ATE RMSE [cm]"]) == ("10", "2 of 5", "-")
+
+
 def test_a_larger_error_is_higher_and_a_larger_share_has_a_longer_bar() -> None:
     cells = cells_of_runs(results_of({"B": 4}, runs=10))
     svg = cell_svg(cells, list(LINKS), list(BOARDS))

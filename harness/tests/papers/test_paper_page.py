@@ -6,6 +6,7 @@ from dataclasses import replace
 from html.parser import HTMLParser
 from pathlib import Path
 
+import numpy as np
 import pytest
 from markupsafe import escape
 from test_compare import DOCUMENTED, PAPER_CONVENTIONAL, PAPER_ENHANCED, results_of, table_2
@@ -15,13 +16,18 @@ from slambed.papers import compare, paper_view
 from slambed.papers.codes import spelled
 from slambed.papers.compare import compare_paper
 from slambed.papers.fits import DeviceFit
-from slambed.papers.lookup import pool_of
+from slambed.papers.judged import Judged
+from slambed.papers.lookup import Found, pool_of
+from slambed.papers.measured import Measured
 from slambed.papers.orderings import outcome_of
 from slambed.papers.paper_claims import claim_groups, claim_lines, in_short
 from slambed.papers.paper_page import PaperPage, write_overview, write_paper_page
 from slambed.papers.paper_view import terminal_lines
-from slambed.papers.published import Paper, read_papers
+from slambed.papers.published import Paper, cells_of, read_papers
 from slambed.papers.reasons import count_json, count_table
+from slambed.papers.strip import strip_svg
+from slambed.papers.verdicts.means import Kind, judge_mean
+from slambed.papers.verdicts.model import Mean
 from slambed.report.load import Results
 
 
@@ -470,6 +476,25 @@ def test_a_number_on_a_stand_in_has_a_place_and_is_drawn_lighter(
     assert html.count('class="light"') > 9 and '<rect class="band"' not in html
     own = write_paper_page(dynnetslam, [table_2(lost, 100)], tmp_path).html.read_text()
     assert '<rect class="band"' in own
+
+
+def judged_mean(values: list[float], kind: Kind, margin: float) -> Judged:
+    """Returns an execution time of ours compared with the printed 55 ms."""
+    cell = cells_of(read_papers(["multithread_rl"])[0])["ijnc.T3.execution_time.dT_LR"]
+    ours = Measured(Found(None, None, ""), np.array(values))
+    return Judged(cell, "measured", judge_mean(ours.mean, Mean(55.0), margin, kind), ours, "")
+
+
+def test_a_margin_is_drawn_only_on_the_axis_of_its_verdict() -> None:
+    whole = judged_mean([54.0, 55.0, 56.0, 57.0, 58.0], "ratio", 0.2)
+    few = judged_mean([54.0, 55.0], "ratio", 0.2)
+    in_ms = judged_mean([54.0, 55.0, 56.0, 57.0, 58.0], "difference", 0.01)
+    band = r'<rect class="band" x="[\d.]+" y="[\d.-]+" width="([\d.]+)"'
+    alone = re.findall(band, strip_svg([whole], ""))
+    assert len(alone) == 1 and float(alone[0]) > 0
+    for rows in ([few, whole], [whole, few], [in_ms, whole]):
+        assert re.findall(band, strip_svg(rows, "")) == alone
+    assert '<rect class="band"' not in strip_svg([in_ms], "")
 
 
 def test_numbers_without_one_of_ours_are_counted_by_reason(experiments: list[Results]) -> None:

@@ -30,6 +30,7 @@ from slambed.papers.verdicts.statements import (
     judge_bound,
     judge_range,
     judge_reduction,
+    judge_reduction_bound,
     judge_set,
     judge_up_to,
     judge_up_to_more,
@@ -293,6 +294,15 @@ def test_about_and_more_than() -> None:
     assert judge_bound(Share(2, 100), "lt", 0.1).outcome == "reproduced"
 
 
+@pytest.mark.parametrize(("before", "after"), [(0.0, 5.0), (5.0, 0.0), (0.0, 0.0)])
+def test_a_reduction_of_or_to_nothing_is_on_no_side_of_a_bound(before: float, after: float) -> None:
+    ours = Pair(Mean(before, 0.0, 20), Mean(after, 0.0, 20))
+    found = judge_reduction_bound(ours, "gt", 0.5)
+    assert (found.outcome, found.why) == ("inconclusive", "a reduction of or to nothing")
+    assert judge_reduction_bound(Pair(Mean.of([]), Mean.of([])), "gt", 0.5).outcome == "not_run"
+    assert judge_reduction_bound(pair(0.9), "gt", 0.5).outcome == "reproduced"
+
+
 def test_times_of_losses() -> None:
     assert judge_window(9, 10, 3 / 87).outcome == "reproduced"
     assert judge_window(1, 20, 3 / 87).outcome == "differs"
@@ -354,11 +364,16 @@ def test_a_chance_says_on_which_spread_it_rests() -> None:
     assert (measured.outcome, measured.power) == ("not_seen", 1.0)
     assert "in 100% of campaigns, by the spread of our runs (1.9 %)" in measured.chance
     same = np.full(20, 55.0)
-    assumed = judged(same, same)
+    constant = judged(same, same)
+    assert (constant.outcome, constant.power) == ("not_seen", 1.0)
+    assert constant.chance.endswith("by the spread of our runs (0 %)")
+    assert power_of([Step((same, same), paper)], [[20, 20]]) == 0.0, "the paper's numbers fall"
+    nothing = np.zeros(20)  # no spread in percent of it
+    assumed = judged(nothing, nothing)
     assert assumed.outcome == "too_few_runs" and assumed.power is not None and assumed.power < 0.5
     assert assumed.chance.endswith("% of campaigns, by an assumed spread of 20 %")
     step = Step((steady, steady), paper[::-1])
-    both = judge_contrast([step, Step((same, same), paper[::-1])], 0.0)
+    both = judge_contrast([step, Step((nothing, nothing), paper[::-1])], 0.0)
     assert both.spread == "the spread of our runs (1.9 %), 20 % where they have none"
     shares = (Share(10, 100), Share(40, 100))
     assert judge_contrast([Step((Share(1, 50), Share(1, 50)), shares)], 0.0).spread == ""
@@ -396,6 +411,8 @@ def test_blocks_ask_for_one_order_on_all_sequences() -> None:
     seen = judge_blocks(mixed, paper, None, spread, few)
     assert (seen.outcome, seen.runs_needed) == ("not_seen", None)
     assert seen.chance.endswith("by the spread of our runs (10 %)")
+    constant = judge_blocks(mixed, paper, None, 0 * spread, few)
+    assert constant.power == 1.0 and constant.spread == "the spread of our runs (0 %)"
     wide = judge_blocks(mixed, paper, None, 10 * spread, few)
     assert wide.outcome == "too_few_runs" and wide.power is not None and wide.power < 0.9
     assert wide.runs_needed is not None and wide.runs_needed > 5
@@ -403,6 +420,9 @@ def test_blocks_ask_for_one_order_on_all_sequences() -> None:
     assert unshown.outcome == "not_shown_by_paper"
     assert unshown.p_holds <= LEVEL < unshown.p_reversed, "what ours show is not hidden"
     assert np.isnan(judge_blocks(np.where(paper > 5, np.nan, paper), mixed).p_holds)
+    gap = np.where(paper > 5, np.nan, paper)
+    assert page(gap) == 1.0
+    assert judge_blocks(paper, gap).outcome == "not_shown_by_paper"
 
 
 # prediction

@@ -224,6 +224,47 @@ def test_a_page_follows_a_campaign(page: Page, address: str, results: Path) -> N
     page.until("document.querySelector('#figures .frame')")
 
 
+def choose_system(page: Page, name: str) -> None:
+    page.value(
+        f"(() => {{ const s = document.querySelector('#filter-system'); s.value = '{name}';"
+        " s.dispatchEvent(new Event('change', {bubbles: true})); })()"
+    )
+
+
+def test_a_slow_answer_does_not_replace_a_later_one(page: Page, address: str) -> None:
+    page.open(f"{address}/experiments/invented/", "document.documentElement.matches('.scripted')")
+    page.value(
+        "(() => { const real = fetch; window.late = 0; window.fetch = async (at, how) => {"
+        " const answer = await real(at, how);"
+        " if (!String(at).includes('orbslam2')) return answer;"
+        " await new Promise((go) => { window.release = go; });"
+        " setTimeout(() => { window.late += 1; }, 200); return answer; }; })()"
+    )
+    choose_system(page, "orbslam2")
+    page.until("window.release")
+    choose_system(page, "")
+    page.until("location.search === ''")
+    page.until("document.querySelectorAll('#runs tbody tr').length === 8")
+    page.value("window.release()")
+    page.until("window.late === 1")
+    assert page.value("document.querySelectorAll('#runs tbody tr').length") == 8
+
+
+def test_a_refusal_is_not_taken_for_the_end_of_the_server(page: Page, address: str) -> None:
+    page.open(f"{address}/")
+    page.value(
+        "(() => { window.real = fetch; window.fetch = async () =>"
+        " new Response('<p>no JSON', { status: 500 }); })()"
+    )
+    follows = "document.getElementById('follows').textContent"
+    page.until(follows)
+    assert page.value(follows) == (
+        "slambed serve answers with status 500; this is what it last showed."
+    )
+    page.value("(() => { window.fetch = window.real; })()")
+    page.until(f"{follows} === ''")
+
+
 def test_ctrl_c_ends_the_server_and_its_pages_say_so(page: Page, results: Path) -> None:
     command = [sys.executable, "-c", "from slambed.commands.main import main; main()"]
     serve = [*command, "serve", "--port", "0", "--results", str(results)]
@@ -287,6 +328,29 @@ def test_a_mark_of_a_served_report_leads_to_its_moment_in_the_run(page: Page, ad
     page.open(f"{address}/experiments/invented/runs/{key}/#t={at_s}", READY)
     now_s = float(page.text("#now").split(" s")[0])
     assert float(at_s) > 0.5 and abs(now_s - float(at_s)) < 0.3
+
+
+def test_another_moment_in_the_address_moves_a_page_that_is_open(run: Page) -> None:
+    run.value("document.getElementById('play').click()")
+    run.value("(() => { location.hash = '#t=6.5'; })()")
+    run.until("document.getElementById('now').textContent.startsWith('6.')")
+    assert abs(float(run.text("#now").split(" s")[0]) - 6.5) < 0.2
+    assert run.text("#play") == "Play"
+    run.value("(() => { location.hash = '#content'; })()")
+    time.sleep(0.2)
+    assert run.text("#now").startswith("6.")
+
+
+def test_a_run_whose_frames_are_cut_says_so(page: Page, address: str, run: Page) -> None:
+    assert run.value("document.getElementById('cut').hidden")
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("slambed.serve.run_view.MOST_FRAMES", 20)
+        key = "0000000000000003"  # not opened by another test
+        page.open(f"{address}/experiments/invented/runs/{key}/", READY)
+    assert page.text("#cut") == (
+        "The slider ends with frame 20; the 100 frames after it are left out."
+    )
+    assert not page.value("document.getElementById('cut').hidden")
 
 
 def test_the_picture_of_an_experiment_leads_to_a_moment_and_stays_alive_when_filtered(

@@ -129,6 +129,35 @@ def test_a_tradeoff_names_its_points_beside_the_axes(
     assert len(looks) == len(cells)
 
 
+@pytest.mark.parametrize(
+    ("ranges", "words"),
+    [
+        ((False, False), "95 % intervals"),
+        ((True, True), "the range of fewer than 6 runs"),
+        ((True, False), "95 % intervals, or the range of fewer than 6 runs"),
+    ],
+)
+def test_the_caption_of_a_tradeoff_names_ranges(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, ranges: tuple[bool, bool], words: str
+) -> None:
+    captions: list[str] = []
+    writer = FigureWriter(tmp_path, "", [])
+    monkeypatch.setattr(writer, "save", lambda *parts: captions.append(parts[3]))
+    cells = [
+        Cell(
+            f"c{i}", "a", "room", "none", 5, 5, "",
+            {
+                "bytes_up": Interval(1e6 * i, 1e6 * i, 3e6 * i, 5, ranges[0]),
+                "ate_rmse_m": Interval(0.01 * i, 0.0, 0.02 * i, 5, ranges[1]),
+            },
+            [],
+        )
+        for i in (1, 2, 3)
+    ]  # fmt: skip
+    assert draw_tradeoff(cells, "room", "bytes_up", "ate_rmse_m", writer)
+    assert captions == [f"One point per combination with {words}; lines join those of a system."]
+
+
 @pytest.mark.parametrize("count", [1, 4])
 def test_a_box_figure_ends_where_its_scale_does_and_names_single_runs(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, count: int

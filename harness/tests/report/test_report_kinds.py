@@ -12,7 +12,7 @@ from results_factory import RawRun, spec_of, write_experiment
 
 from slambed.errors import SlambedError
 from slambed.report import plots
-from slambed.report.cells import cells_of, metrics_to_show
+from slambed.report.cells import Cell, cells_of, metrics_to_show, what_runs_show
 from slambed.report.experiment import write_report
 from slambed.report.load import load
 from slambed.report.timeline import timeline_svg
@@ -103,6 +103,48 @@ def test_failures_stand_beside_the_survivors_accuracy(tmp_path: Path) -> None:
     shown = [item.key for item in metrics_to_show(results)]
     assert shown[shown.index("ate_rmse_m") + 1] == "failed"
     assert cell.values["failed"].value == 0.6
+
+
+def test_a_failed_run_without_a_short_path_is_not_said_to_have_one(tmp_path: Path) -> None:
+    runs = [
+        (
+            spec_of("orbslam2", "default", None, i),
+            RawRun(duration_s=6, edge=False, seed=i, lost_at_s=((2.0, 6.0),) if i < 2 else ()),
+        )
+        for i in range(7)
+    ]
+    results = load(write_experiment(tmp_path, runs))
+    results.runs.loc[results.runs.index[2], "ate_rmse_m"] = None
+    results.runs.loc[results.runs.index[3], "coverage"] = None
+    (cell,) = cells_of(results, metrics_to_show(results))
+    (note,) = [note for note in cell.notes if "ATE" in note]
+    assert note.startswith(
+        "2 of 7 runs tracked less than 90% of their frames, 1 of 7 runs without an ATE, "
+        "1 of 7 runs without a coverage; ATE of the others "
+    )
+    results.runs.loc[results.runs.index[4:], "ate_rmse_m"] = None
+    (cell,) = cells_of(results, metrics_to_show(results))
+    (note,) = [note for note in cell.notes if "ATE" in note]
+    assert "4 of 7 runs without an ATE, 1 of" in note and note.endswith("of what they tracked")
+
+
+@pytest.mark.parametrize(
+    ("valid", "words"),
+    [
+        ((10, 10, 0), "of 10 unpaired runs a side"),
+        ((10, 4, 0), "of 4 unpaired runs a side"),
+        ((10, 0), ""),
+        ((0, 0), ""),
+        ((10,), ""),
+        ((1, 1, 1), "One run per combination shows nothing"),
+    ],
+)
+def test_a_combination_without_a_valid_run_says_nothing_of_the_others(
+    valid: tuple[int, ...], words: str
+) -> None:
+    cells = [Cell(f"c{i}", "a", "room", "none", 10, n, "", {}, []) for i, n in enumerate(valid)]
+    found = what_runs_show(cells)
+    assert words in found and bool(found) == bool(words)
 
 
 def test_without_failures_no_column_is_about_them(tmp_path: Path) -> None:

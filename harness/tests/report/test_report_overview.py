@@ -178,8 +178,8 @@ def test_compute_times_are_those_of_a_run_with_events(experiment: Path, tmp_path
     assert time == other
 
 
-def runs(*rows: tuple[str, str, bool]) -> Results:
-    """Results of valid runs: label, link, and whether track was lost."""
+def runs(*rows: tuple[str, str, bool | None]) -> Results:
+    """Results of valid runs: label, link, and whether track was lost; None is not measured."""
     table = pd.DataFrame(rows, columns=["label", "profile", "lost"])
     table = table.assign(valid=True, dataset="room", cell=table["label"] + "/" + table["profile"])
     return Results(Path("x"), "x", table)
@@ -204,9 +204,27 @@ def runs(*rows: tuple[str, str, bool]) -> Results:
             "Runs with a track loss: a 1 of 1; b none of 1; c none of 1; d none of 1; "
             "2 more systems are in the table.",
         ),
+        ([("a", "none", None)] * 2, ""),
+        (
+            [("a", "none", False)] * 8 + [("a", "none", None)] * 2,
+            "No run of 8 lost track; 2 more were not measured.",
+        ),
+        (
+            [("a", "none", True)] * 2 + [("b", "none", None)],
+            "Every run of 2 lost track; 1 more was not measured.",
+        ),
+        (
+            [("b", "rtt_85", True)] * 2
+            + [("b", "rtt_85", None), ("b", "none", False), ("b", "none", None)]
+            + [("a", "none", False), ("a", "none", None)],
+            "Runs with a track loss: b 2 of 2 with rtt_85, none of 1 otherwise; a none of 1; "
+            "3 more were not measured.",
+        ),
     ],
 )
-def test_one_sentence_says_who_lost_track(rows: list[tuple[str, str, bool]], sentence: str) -> None:
+def test_one_sentence_says_who_lost_track(
+    rows: list[tuple[str, str, bool | None]], sentence: str
+) -> None:
     assert told(runs(*rows)) == sentence
 
 

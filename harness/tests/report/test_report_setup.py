@@ -22,8 +22,9 @@ from slambed.data.trajectory import Trajectory, read_tum
 from slambed.explain.view import view_of, write_png
 from slambed.report.compute_times import ComputeTime, compute_times
 from slambed.report.conditions import conditions_of
-from slambed.report.differences import difference_table, differences
+from slambed.report.differences import LINKS, difference_table, differences
 from slambed.report.experiment import terminal_summary, write_report
+from slambed.report.figures.changes import draw_changes
 from slambed.report.figures.paths import draw_paths
 from slambed.report.load import load
 from slambed.report.settings import settings_table
@@ -221,6 +222,47 @@ def test_enough_pairs_show_a_difference(tmp_path: Path) -> None:
     assert (found.verdict, found.possible) == ("better", True)
     assert found.p_value == pytest.approx(2 / 2**7)
     assert "could show" not in difference_table([found]).caption
+
+
+def test_who_lacks_the_first_one_is_compared_with_its_own_first(tmp_path: Path) -> None:
+    places = (
+        ("orbslam2", "default", "none"),
+        ("edgeslam", "static", "none"),
+        ("edgeslam", "static", "ramp_85"),
+        ("edgeslam", "conventional", "ramp_85"),
+        ("edgeslam", "conventional", "rtt_40"),
+    )
+    runs = [
+        (
+            spec_of(system, variant, profile, repetition, engine="virtual"),
+            RawRun(duration_s=2.0, edge=system != "orbslam2", seed=repetition),
+        )
+        for system, variant, profile in places
+        for repetition in range(2)
+    ]
+    experiment = write_experiment(tmp_path, runs)
+    static, conventional = "edgeslam:static", "edgeslam:conventional"
+    content = {
+        "report": {"metrics": ["track_ms_median"]},
+        "systems": ["orbslam2", static, conventional],
+    }
+    (experiment / "experiment.json").write_text(json.dumps({"experiment": content}))
+    results = load(experiment)
+    found = differences(results)
+    assert [(d.under, d.baseline, d.other) for d in found] == [
+        ("none", "orbslam2", static), ("ramp_85", static, conventional),
+    ]  # fmt: skip
+    between_links = differences(results, between=LINKS)
+    assert [(d.under, d.baseline, d.other) for d in between_links] == [
+        (static, "none", "ramp_85"), (conventional, "ramp_85", "rtt_40"),
+    ]  # fmt: skip
+    writer = FigureWriter(tmp_path / "figures", "", [])
+    draw_changes(found, "room_walk", writer)
+    (saved,) = writer.saved
+    assert "change against the first system of each link, room_walk" in saved.title
+    assert saved.caption.startswith(
+        "Each system less the first one of its link (orbslam2 on none, edgeslam:static on ramp_85)"
+    )
 
 
 @pytest.mark.parametrize("all_fail", [False, True])

@@ -19,6 +19,7 @@ from slambed.regression.diff import diff
 from slambed.regression.diff_sides import Sides
 from slambed.report.cells import cells_of, metrics_to_show
 from slambed.report.experiment import write_report
+from slambed.report.figures.sweep import draw_sweep, sweeps
 from slambed.report.figures.swept import MOST_LINES, Swept, _without, draw_swept, swept
 from slambed.report.load import Results, load
 from slambed.report.style import FigureWriter, lay_out
@@ -192,6 +193,59 @@ def test_a_strategy_that_has_its_own_figure_gets_no_second_one() -> None:
     assert not list(swept(results(**own)))
     over_links = results(("static",), links=("rtt_0", "rtt_40", "rtt_80"), **own)
     assert [found.axis.key for found in swept(over_links)] == ["link.rtt_ms"]
+
+
+def test_a_strategy_has_a_figure_for_each_link_and_each_system(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    writer = FigureWriter(tmp_path, "", [])
+    saved: list[Any] = []
+    monkeypatch.setattr(writer, "save", lambda _, *parts: saved.append(parts))
+    own = {"reference_rmse_m": 0.1, "link_mbit_s": 1.0}
+    one, two = results(("static",), **own), results(("static",), links=("none", "slow"), **own)
+    other = results(("static",), **own, system="other", run_key="x")
+    both = replace(one, runs=pd.concat([one.runs, other.runs], ignore_index=True))
+    drawn = []
+    for made_of in (one, two, both):
+        assert all(draw_sweep(sweep, writer) for sweep in sweeps(made_of))
+        drawn.append([(name, title.rpartition("n_orb: ")[2]) for name, title, *_ in saved])
+        saved.clear()
+    name, where = "sweep_room_static_n_orb", "static, room"
+    assert drawn == [
+        [(name, where)],
+        [(f"{name}_{own}", f"{where}, {own}") for own in ("none", "slow")],
+        [(f"{name}_{own}", f"{where}, {own}") for own in ("edgeslam", "other")],
+    ]
+
+
+def test_only_the_links_of_a_strategys_own_figure_get_no_second_one() -> None:
+    own = {"reference_rmse_m": 0.1, "link_mbit_s": 1.0}
+    found = results(("static",), links=("none", "slow"), **own)
+    other = found.runs[found.runs["profile"].eq("slow")].assign(**{"params.codec": "json"})
+    whole = replace(found, runs=pd.concat([found.runs, other], ignore_index=True))
+    assert [sweep.profile for sweep in sweeps(whole)] == ["none"]
+    (curves,) = swept(whole)
+    assert {rows for line in curves.lines for rows in line.runs["profile"]} == {"slow"}
+    assert len(curves.lines) == 2
+
+
+def test_the_caption_of_a_strategys_figure_names_ranges(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    captions: list[str] = []
+    writer = FigureWriter(tmp_path, "", [])
+    monkeypatch.setattr(writer, "save", lambda *parts: captions.append(parts[3]))
+    few = results(("static",), reference_rmse_m=0.1, link_mbit_s=1.0)
+    twice = replace(few, runs=pd.concat([few.runs, few.runs], ignore_index=True))
+    mixed = pd.concat([few.runs, few.runs[few.runs["params.n_orb"].eq(300)]], ignore_index=True)
+    for made_of in (few, twice, replace(few, runs=mixed)):
+        (sweep,) = sweeps(made_of)
+        assert draw_sweep(sweep, writer)
+    assert captions == [
+        "Medians of the runs with the range of fewer than 6 runs.",
+        "Medians of the runs with 95 % intervals.",
+        "Medians of the runs with 95 % intervals, or the range of fewer than 6 runs.",
+    ]
 
 
 def links_of(contents: dict[str, dict[str, Any]]) -> Results:

@@ -63,6 +63,16 @@ def test_losses_are_tested_exactly(folders: tuple[Path, Path]) -> None:
     assert rows["orbslam2/room_walk"][6] == "yes"
 
 
+def test_a_loss_that_was_not_measured_is_none_of_either_kind(folders: tuple[Path, Path]) -> None:
+    live, virtual = map(load, folders)
+    offloaded = live.runs.index[live.runs["system"].eq("edgeslam")]
+    live.runs["lost"] = live.runs["lost"].astype(object)
+    live.runs.loc[offloaded[:1], "lost"] = None
+    live.runs.loc[live.runs["system"].eq("orbslam2"), "lost"] = None
+    (row,) = [row for row in truth_table(live, virtual).rows if row[1].startswith("runs")]
+    assert row[0] == "edgeslam:static/room_walk/ramp_85" and row[2:4] == ["0 of 3", "4 of 4"]
+
+
 def test_the_caption_says_which_runs_have_no_events(folders: tuple[Path, Path]) -> None:
     live, virtual = map(load, folders)
     assert "no events" not in truth_table(live, virtual).caption

@@ -2,16 +2,19 @@
 """`import slambed`: what a notebook does with results."""
 
 import re
+import shutil
 import subprocess
 import sys
 from pathlib import Path
 
+import pandas as pd
 import pytest
 from data_samples import write_prepared
 from results_factory import quickstart_like
 
 import slambed
 from slambed.errors import SlambedError
+from slambed.metrics.collect import EVENTS, SOME_EVENTS, write_some_events
 from slambed.report.load import load
 
 
@@ -38,6 +41,28 @@ def test_events_of_all_runs_are_one_table(results: "slambed.Results") -> None:
     assert not results.events("message")["dropped"].any()
 
 
+def test_events_of_the_kept_types_are_read(results: "slambed.Results", tmp_path: Path) -> None:
+    """Like runs of `slambed results pack --events frame_tracked`."""
+    folder = Path(shutil.copytree(results.folder, tmp_path / results.folder.name))
+    for run in (folder / "runs").iterdir():
+        write_some_events(run / EVENTS, ["frame_tracked"], run / SOME_EVENTS)
+        (run / EVENTS).unlink()
+    packed = slambed.Results(folder)
+    frames = packed.events("frame_tracked")
+    whole = results.events("frame_tracked")
+    pd.testing.assert_frame_equal(frames, whole, check_dtype=False)  # whole numbers stay so
+    assert not [line for line in packed.problems if "without events" in line]
+    assert packed.events("message").empty and packed.events().empty
+    assert packed.events("frame_tracked", "message").empty
+    assert [line for line in packed.problems if "without events" in line] == [
+        "8 of 8 runs are without events of message",
+        "8 of 8 runs are without events",
+        "8 of 8 runs are without events of frame_tracked, message",
+    ]
+    results.events(), results.events("message")
+    assert not [line for line in results.problems if "without events" in line]
+
+
 def test_samples_link_and_paths(results: "slambed.Results") -> None:
     assert {"mobile", "edge"} == set(results.samples()["node"])
     assert "probe_rtt_ms" in set(results.link()["series"])
@@ -51,6 +76,8 @@ def test_samples_link_and_paths(results: "slambed.Results") -> None:
 def test_what_is_not_there_is_reported(results: "slambed.Results", tmp_path: Path) -> None:
     with pytest.raises(SlambedError, match="is not a folder"):
         slambed.Results(tmp_path / "nowhere")
+    with pytest.raises(SlambedError, match="has no readable run"):
+        slambed.Results(tmp_path)
     with pytest.raises(SlambedError, match="no trajectory 'best'"):
         results.trajectory(results.runs["run_key"].iloc[0], "best")
     with pytest.raises(SlambedError, match="has no trajectory"):

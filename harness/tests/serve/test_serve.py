@@ -24,6 +24,7 @@ from slambed.data.trajectory import read_tum
 from slambed.errors import ExitCode
 from slambed.metrics.accuracy import absolute_error
 from slambed.report.experiment import write_report
+from slambed.serve.experiments import ExperimentEntry
 from slambed.serve.server import Server, open_server
 from slambed.serve.site import Site
 
@@ -205,6 +206,16 @@ def test_a_runs_time_line_is_what_its_events_say(client: Client, results: Path) 
     assert {name for lane, name in curves if lane == "CPU"} == {"mobile", "edge"}
 
 
+def test_frames_beyond_the_most_are_counted(
+    client: Client, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    assert run_data(client, "0000000000000001")["frames_left_out"] == 0
+    monkeypatch.setattr("slambed.serve.run_view.MOST_FRAMES", 100)
+    run = run_data(client, LOSSY)
+    assert (len(run["frames"]["t_s"]), run["frames_left_out"]) == (100, 20)
+    assert 'id="cut" hidden' in client.page(f"{EXPERIMENT}runs/{LOSSY}/")
+
+
 def test_the_path_lies_on_the_true_one_as_its_number_says(client: Client, results: Path) -> None:
     path = run_data(client, LOSSY)["path"]
     folder = results / "invented"
@@ -267,8 +278,9 @@ def test_a_broken_run_has_a_page_that_says_so(client: Client, results: Path) -> 
     assert "This run cannot be shown" in page and "Traceback" not in page
     assert client.ask(f"{EXPERIMENT}runs/{LOSSY}/data.json")[0] == 404
     assert "summary.json is incomplete or not from slambed" in client.page(EXPERIMENT)
+    assert "events.parquet: unreadable" in page
     (folder / "events.parquet").unlink()
-    assert "no events in" in client.page(f"{EXPERIMENT}runs/{LOSSY}/")
+    assert "its events were not kept" in client.page(f"{EXPERIMENT}runs/{LOSSY}/")
     # The other pages still work.
     assert "What happened" in client.page(f"{EXPERIMENT}runs/0000000000000001/")
 
@@ -362,6 +374,48 @@ def test_a_killed_campaign_changes_the_version_without_a_file(
     for module in ("slambed.serve.site", "slambed.campaign.campaign_state"):
         monkeypatch.setattr(f"{module}.is_alive", lambda pid, since_s: False)
     assert client.json("/state.json")["version"] != before
+
+
+def version_of(page: str) -> str:
+    (version,) = re.findall(r'data-version="(\w+)"', page)
+    return str(version)
+
+
+def test_a_page_that_is_behind_its_files_is_renewed_later(
+    client: Client, results: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    client.page("/")
+    client.page(EXPERIMENT)
+    monkeypatch.setattr("slambed.serve.kept.REST", 1e9)  # as if reading had taken very long
+    path = results / "invented" / "experiment.json"
+    path.write_text(json.dumps(json.loads(path.read_text()) | {"title": "A new title"}))
+    behind, of_experiment = client.page("/"), client.page(EXPERIMENT)
+    assert "A new title" not in behind + of_experiment
+    monkeypatch.setattr("slambed.serve.kept.REST", 0.0)
+    assert client.json("/state.json")["version"] != version_of(behind)
+    assert client.json(f"{EXPERIMENT}state.json")["version"] != version_of(of_experiment)
+    now = client.page("/")
+    assert "A new title" in now
+    assert client.json("/state.json")["version"] == version_of(now)
+
+
+def test_a_page_whose_campaign_alone_is_behind_is_renewed_later(
+    client: Client, results: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    client.page(EXPERIMENT)
+    ledger = Ledger(results / "invented" / "ledger.jsonl")
+    ledger.append("campaign_started", runs=1, todo=["a"])
+    ledger.append("campaign_ended", interrupted=True)
+    with monkeypatch.context() as slow_list:
+        slow_list.setattr(
+            "slambed.serve.kept.PageCache._is_rested",
+            lambda cache, entry: not isinstance(entry.value, ExperimentEntry),
+        )
+        behind = client.page(EXPERIMENT)
+    assert "interrupted" not in behind
+    monkeypatch.setattr("slambed.serve.kept.REST", 0.0)
+    assert client.json(f"{EXPERIMENT}state.json")["version"] != version_of(behind)
+    assert "interrupted" in client.page(EXPERIMENT)
 
 
 def test_a_busy_port_and_a_missing_folder_are_reported_in_a_line(

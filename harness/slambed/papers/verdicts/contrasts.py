@@ -139,7 +139,8 @@ USUAL_CV = 0.2
 
 
 def _measured_spread(step: Step) -> float | None:
-    known = [m.cv for c in step.ours if not isinstance(c, Share) and (m := Mean.of(c)).cv]
+    found = [Mean.of(c).cv for c in step.ours if not isinstance(c, Share)]
+    known = [cv for cv in found if cv is not None]
     return float(np.median(known)) if known else None
 
 
@@ -332,7 +333,9 @@ def _draw(step: Step, runs: np.ndarray, generator: np.random.Generator) -> Float
     drawn = generator.normal(means, spread, (POWER_DRAWS, len(means))) @ weight
     error = float(np.sqrt((weight**2 * spread**2).sum()))
     freedom = max(float(runs.sum()) - len(runs), 1.0)
-    return np.asarray(stats.t.sf(drawn / error, freedom)) if error else np.zeros(POWER_DRAWS)
+    if not error:
+        return np.where(drawn > 0, 0.0, 1.0)
+    return np.asarray(stats.t.sf(drawn / error, freedom))
 
 
 RUNS_TRIED = (5, 10, 15, 20, 30, 50, 75, 100, 150, 200, 300)

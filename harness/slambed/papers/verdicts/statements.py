@@ -170,8 +170,12 @@ def judge_reduction_bound(
 ) -> Verdict:
     """Judges `more than 50 % less` (stated: 0.5) by the one-sided 95 % limits of
     ln(after / before): more than 50 % less leaves less than the rest."""
+    if ours.fewest == 0:
+        return not_run("no run")
     if ours.fewest < FEWEST_RUNS:
         return too_few(ours.fewest, "ratio", None)
+    if not (ours.before.value > 0 and ours.after.value > 0 and stated < 1):
+        return Verdict("inconclusive", "a reduction of or to nothing", scale="ratio")
     left = ours.left()
     limit = float(np.log1p(-stated))
     low, high = left.interval(0.9)

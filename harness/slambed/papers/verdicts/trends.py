@@ -149,8 +149,8 @@ def jonckheere(groups: Sequence[Floats]) -> float:
 
 def page(blocks: ArrayLike) -> float:
     """Returns p of Page's L that the columns rise in order within the rows (sequences x
-    systems)."""
+    systems); 1 for a table with gaps."""
     table = np.asarray(blocks, dtype=np.float64)
-    if table.shape[0] < 2 or table.shape[1] < 3:
+    if table.shape[0] < 2 or table.shape[1] < 3 or not np.isfinite(table).all():
         return 1.0
     return float(stats.page_trend_test(table).pvalue)

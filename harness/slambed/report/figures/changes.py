@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Draws the change of each system against the first one, with intervals: an ablation in one
-figure."""
+"""Draws the change of each system against the first one of its link, with intervals: an ablation in
+one figure."""
 
 import pandas as pd
 from matplotlib.axes import Axes
@@ -19,7 +19,9 @@ def draw_changes(found: list[Difference], dataset: str, writer: FigureWriter) ->
     negative to the left of zero. All differences have one metric and dataset."""
     first = found[0]
     name = file_name("changes", dataset, first.metric.key)
-    title = f"{first.metric.title}: change against {first.baseline}, {dataset}"
+    one = len({d.baseline for d in found}) == 1
+    against = first.baseline if one else "the first system of each link"
+    title = f"{first.metric.title}: change against {against}, {dataset}"
     systems = list(dict.fromkeys(d.other for d in found))
     links = list(dict.fromkeys(d.under for d in found))
     height = 1.2 + ROW_IN * len(systems) * max(1.0, len(links) / 2)
@@ -63,9 +65,20 @@ def _caption(found: list[Difference]) -> str:
         else ""
     )
     return (
-        f"Each system less {found[0].baseline}{pairs}, with 95 % intervals{ranges}; "
+        f"Each system less {_baselines(found)}{pairs}, with 95 % intervals{ranges}; "
         f"at least {fewest} runs a side."
     )
+
+
+def _baselines(found: list[Difference]) -> str:
+    """Returns the system that the others are compared with; by link where it differs."""
+    links: dict[str, list[str]] = {}
+    for baseline, link in dict.fromkeys((d.baseline, d.under) for d in found):
+        links.setdefault(baseline, []).append(link)
+    if len(links) == 1:
+        return found[0].baseline
+    named = ", ".join(f"{name} on {' and '.join(on)}" for name, on in links.items())
+    return f"the first one of its link ({named})"
 
 
 def _rows(found: list[Difference]) -> pd.DataFrame:

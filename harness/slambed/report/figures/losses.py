@@ -133,7 +133,10 @@ def _any_loss(runs: pd.DataFrame) -> bool:
 
 
 def _no_loss(runs: pd.DataFrame) -> str:
-    return f"nothing to draw, no track loss in {len(runs)} run{'' if len(runs) == 1 else 's'}"
+    measured = int(runs["lost"].notna().sum())
+    if not measured:
+        return "nothing to draw, track losses were not measured"
+    return f"nothing to draw, no track loss in {measured} run{'' if measured == 1 else 's'}"
 
 
 def _end_s(runs: pd.DataFrame) -> float:

@@ -2,14 +2,15 @@
 """Draws what a strategy's parameter costs and achieves: two axes over its values, as in CloudSLAM's
 Figure 11."""
 
-from collections.abc import Iterator
+from dataclasses import dataclass, replace
 
 import numpy as np
 import pandas as pd
 
 from slambed.metrics.catalog import metric
 from slambed.metrics.metric import Metric
-from slambed.report.cells import estimate
+from slambed.metrics.statistics import Interval
+from slambed.report.cells import estimate, intervals_or_ranges
 from slambed.report.load import Results
 from slambed.report.style import FigureWriter, color, figure, file_name, legend_beneath, marker
 
@@ -17,33 +18,57 @@ LEAST_VALUES = 3
 LEFT, RIGHT = "reference_rmse_m", "link_mbit_s"
 
 
-def sweeps(results: Results) -> Iterator[tuple[str, str, str, str, pd.DataFrame]]:
-    """Yields (system, variant, dataset, parameter, runs) wherever only one number is varied."""
+@dataclass(frozen=True)
+class Sweep:
+    """Runs of one variant on one dataset and link, of which only one number is varied."""
+
+    system: str
+    variant: str
+    dataset: str
+    profile: str
+    column: str
+    """The varied number: `params.<name>`."""
+    runs: pd.DataFrame
+    apart: tuple[str, ...] = ()
+    """System and link, each only where sweeps that are otherwise called the same differ in it."""
+
+
+def sweeps(results: Results) -> list[Sweep]:
+    """Returns the runs wherever only one number is varied."""
     keys = ["system", "variant", "dataset", "profile"]
-    for (system, variant, dataset, _), runs in results.valid_runs.groupby(keys, sort=False):
+    found: list[Sweep] = []
+    for group, runs in results.valid_runs.groupby(keys, sort=False):
         columns = [c for c in runs if str(c).startswith("params.") and runs[c].nunique() > 1]
         if len(columns) != 1:
             continue
         numbers = pd.to_numeric(runs[columns[0]], errors="coerce")
         if numbers.notna().all() and numbers.nunique() >= LEAST_VALUES:
-            yield str(system), str(variant), str(dataset), str(columns[0]), runs
+            system, variant, dataset, profile = map(str, group)
+            found.append(Sweep(system, variant, dataset, profile, str(columns[0]), runs))
+    return [replace(sweep, apart=_apart(sweep, found)) for sweep in found]
 
 
-def draw_sweep(
-    results: Results,
-    variant: str,
-    dataset: str,
-    column: str,
-    runs: pd.DataFrame,
-    writer: FigureWriter,
-) -> bool:
+def _apart(sweep: Sweep, others: list[Sweep]) -> tuple[str, ...]:
+    """Returns what tells a sweep apart from those of the same variant, dataset and parameter."""
+
+    def called(one: Sweep) -> tuple[str, str, str]:
+        return one.variant, one.dataset, one.column
+
+    same = [one for one in others if called(one) == called(sweep)]
+    systems, profiles = {one.system for one in same}, {one.profile for one in same}
+    parts = (sweep.system, systems), (sweep.profile, profiles)
+    return tuple(own for own, names in parts if len(names) > 1)
+
+
+def draw_sweep(sweep: Sweep, writer: FigureWriter) -> bool:
     """Draws medians with intervals, error to the reference left and data rate right; returns False
     if there are too few."""
     left, right = metric(LEFT), metric(RIGHT)
-    curves = {item.key: _curve(runs, column, item) for item in (left, right)}
-    if not all(len(curve) >= LEAST_VALUES for curve in curves.values()):
+    found = {item.key: _estimates(sweep, item) for item in (left, right)}
+    if not all(len(own) >= LEAST_VALUES for own in found.values()):
         return False
-    name = column.removeprefix("params.")
+    name = sweep.column.removeprefix("params.")
+    curves = {key: _curve(name, own) for key, own in found.items()}
     with figure() as (made, axes):
         axis, other = axes[0], axes[0].twinx()
         for index, (item, place) in enumerate(((left, axis), (right, other))):
@@ -64,24 +89,34 @@ def draw_sweep(
         axis.set_xlabel(name)
         handles = [h for place in (axis, other) for h in place.get_legend_handles_labels()[0]]
         legend_beneath(made, axis, handles)
-        title = f"{left.title} and {right.name} against {name}: {variant}, {dataset}"
+        where = ", ".join((sweep.variant, sweep.dataset, *sweep.apart))
+        title = f"{left.title} and {right.name} against {name}: {where}"
         axis.set_title(title)
+        drawn = [value for own in found.values() for value in own.values()]
         rows = [curve.assign(metric=key) for key, curve in curves.items()]
         writer.save(
             made,
-            file_name("sweep", dataset, variant, name),
+            file_name("sweep", sweep.dataset, sweep.variant, name, *sweep.apart),
             title,
-            "Medians of the runs with 95 % intervals.",
+            f"Medians of the runs with {intervals_or_ranges(drawn)}.",
             pd.concat(rows, ignore_index=True),
         )
     return True
 
 
-def _curve(runs: pd.DataFrame, column: str, item: Metric) -> pd.DataFrame:
-    rows = []
-    for value, own in runs.groupby(pd.to_numeric(runs[column])):
-        if (found := estimate(own, item)) is not None:
-            shown = found.scaled(item.scale)
-            name = column.removeprefix("params.")
-            rows.append({name: value, "value": shown.value, "low": shown.low, "high": shown.high})
-    return pd.DataFrame(rows)
+def _estimates(sweep: Sweep, item: Metric) -> dict[float, Interval]:
+    """Returns the metric in its shown unit at every value of the parameter."""
+    return {
+        float(str(value)): found.scaled(item.scale)
+        for value, runs in sweep.runs.groupby(pd.to_numeric(sweep.runs[sweep.column]))
+        if (found := estimate(runs, item)) is not None
+    }
+
+
+def _curve(name: str, found: dict[float, Interval]) -> pd.DataFrame:
+    return pd.DataFrame(
+        [
+            {name: value, "value": shown.value, "low": shown.low, "high": shown.high}
+            for value, shown in found.items()
+        ]
+    )

@@ -35,6 +35,8 @@ from slambed.report.style import (
 )
 from slambed.spec.library import Library
 
+SWEEP = ["system", "variant", "dataset", "profile"]
+"""Columns that identify a strategy's sweep."""
 PARAMS, RTT, LOSS = "params.", "link.rtt_ms", "link.loss"
 IN_WORDS = ("name", "description", "source", "duration_s")
 """Keys of a profile that change nothing of what packets meet."""
@@ -118,10 +120,7 @@ def swept(results: Results) -> Iterator[Swept]:
         if str(name).startswith(PARAMS) and runs[name].nunique(dropna=False) > 1
     ]
     own_form = (
-        {
-            (system, variant, dataset, column)
-            for system, variant, dataset, column, _ in sweeps(results)
-        }
+        {(own.system, own.variant, own.dataset, own.profile, own.column) for own in sweeps(results)}
         if _has_both(runs)
         else set()
     )
@@ -135,7 +134,7 @@ def swept(results: Results) -> Iterator[Swept]:
         lines = [
             line
             for line in _lines(runs[values.notna()], values, rest, key, parameters)
-            if (*line.runs.iloc[0][["system", "variant", "dataset"]].map(str), key) not in own_form
+            if (*line.runs.iloc[0][SWEEP].map(str), key) not in own_form
         ]
         axis = _axis(key, lines)
         for dataset in dict.fromkeys(line.dataset for line in lines):

@@ -7,7 +7,7 @@ import pandas as pd
 from matplotlib.lines import Line2D
 
 from slambed.metrics.catalog import metric
-from slambed.report.cells import Cell
+from slambed.report.cells import Cell, intervals_or_ranges
 from slambed.report.style import (
     COLORS,
     GROUND_TRUTH,
@@ -104,14 +104,15 @@ def draw_tradeoff(cells: list[Cell], dataset: str, x: str, y: str, writer: Figur
         axis.set_ylabel(up.heading)
         axis.set_ylim(bottom=0)
         legend_beneath(made, axis, handles)
+        drawn = [cell.values[key] for cell in shown for key in (x, y)]
         title = f"{up.title} against {across.name}: {dataset}"
         axis.set_title(title)
         writer.save(
             made,
             file_name("tradeoff", dataset, x, y),
             title,
-            "One point per combination with 95 % intervals; lines join those of a system"
-            + (", shapes distinguish the link profiles." if len(profiles) > 1 else "."),
+            f"One point per combination with {intervals_or_ranges(drawn)}; lines join those of a "
+            "system" + (", shapes distinguish the link profiles." if len(profiles) > 1 else "."),
             pd.DataFrame(rows),
         )
     return True

@@ -7,10 +7,29 @@
   const state = () => document.querySelector("main").dataset;
   const says = document.getElementById("follows");
 
+  let renewals = 0;
+
+  // Returns the text at an address, or throws what the page then says.
+  async function textOf(address, options) {
+    let answer, text;
+    try {
+      answer = await fetch(address, options);
+      text = await answer.text();
+    } catch {
+      throw new Error("slambed serve has ended");
+    }
+    if (!answer.ok) throw new Error(`slambed serve answers with status ${answer.status}`);
+    return text;
+  }
+
+  // Shows the page of an address, unless a later renewal began meanwhile.
   async function renew(address) {
-    const answer = await fetch(address, { headers: { Accept: "text/html" } });
-    if (!answer.ok) throw new Error(String(answer.status));
-    const fresh = new DOMParser().parseFromString(await answer.text(), "text/html").querySelector("main");
+    const own = ++renewals;
+    const text = await textOf(address, { headers: { Accept: "text/html" } }).catch((error) => {
+      if (own === renewals) throw error;
+    });
+    if (own !== renewals) return;
+    const fresh = new DOMParser().parseFromString(text, "text/html").querySelector("main");
     const focused = document.activeElement && document.activeElement.id;
     const open = [...document.querySelectorAll("main details[open][id]")].map((item) => item.id);
     document.querySelector("main").replaceWith(document.adoptNode(fresh));
@@ -22,13 +41,12 @@
   async function look() {
     try {
       if (!document.hidden && state().version) {
-        const answer = await fetch(state().state, { cache: "no-store" });
-        const { version } = await answer.json();
+        const { version } = JSON.parse(await textOf(state().state, { cache: "no-store" }));
         if (version !== state().version) await renew(location.href);
         if (says) says.textContent = "";
       }
-    } catch {
-      if (says) says.textContent = "slambed serve has ended; this is what it last showed.";
+    } catch (error) {
+      if (says) says.textContent = `${error.message}; this is what it last showed.`;
     }
     setTimeout(look, every_ms);
   }

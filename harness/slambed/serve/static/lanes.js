@@ -142,9 +142,6 @@ const lanesOf = (() => {
     });
     new ResizeObserver(() => { if (container.clientWidth !== width) draw(); }).observe(container);
     draw();
-    return {
-      at(t_s) { now_s = t_s; placeCursor(); },
-      shown: () => shown,
-    };
+    return { at(t_s) { now_s = t_s; placeCursor(); } };
   };
 })();

@@ -15,6 +15,8 @@
   const count = frames.t_s.length;
   player.hidden = false;
   if (by("still")) by("still").hidden = true;
+  by("cut").hidden = run.frames_left_out === 0;
+  by("cut").textContent = `The slider ends with frame ${count}; the ${run.frames_left_out} frames after it are left out.`;
 
   let frame = 0, loading = false, wanted = null;
   const picture = by("picture"), slider = by("cursor");
@@ -106,7 +108,14 @@
   by("play").addEventListener("click", () => (playing ? stop() : play()));
   slider.addEventListener("input", () => { stop(); go(Number(slider.value)); });
   // A mark of a report leads to its moment.
-  const asked = location.hash.match(/^#t=([\d.]+)$/);
-  go(asked ? viewMath.lastBefore(frames.t_s, Number(asked[1])) : 0);
+  function goToMoment() {
+    const asked = location.hash.match(/^#t=([\d.]+)$/);
+    if (!asked) return false;
+    stop();
+    go(viewMath.lastBefore(frames.t_s, Number(asked[1])));
+    return true;
+  }
+  addEventListener("hashchange", goToMoment);
+  if (!goToMoment()) go(0);
   player.dataset.ready = "yes";
 })();

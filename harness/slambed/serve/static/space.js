@@ -146,6 +146,6 @@ const spaceOf = (() => {
     matchMedia("(prefers-color-scheme: dark)").addEventListener("change", draw);
     new ResizeObserver(draw).observe(canvas);
     draw();
-    return { at(t_s) { now_s = t_s; draw(); }, showMap(whether) { withMap = whether; draw(); }, view: () => ({ yaw, pitch, zoom }) };
+    return { at(t_s) { now_s = t_s; draw(); }, showMap(whether) { withMap = whether; draw(); } };
   };
 })();
