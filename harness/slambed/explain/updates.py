@@ -49,7 +49,8 @@ def staged_updates(run: RunLog) -> list[StagedUpdate]:
     found: list[StagedUpdate] = []
     under_way: dict[int, int] = {}  # a restarted edge reuses numbers
     events = run.of("update_begun", "update_ready", "update_applied", "update_declined")
-    for event in events.to_dict("records"):
+    # A system that does not number its updates stages none.
+    for event in events.dropna(subset=["update"]).to_dict("records"):
         number, t_s = int(event["update"]), float(event["t_s"])
         if event["type"] == "update_begun":
             under_way[number] = len(found)

@@ -168,3 +168,7 @@ def test_other_systems_have_neither_in_their_story() -> None:
     lines = story(log_of(swapped))
     assert "1 map update applied, T_MU 90 ms" in lines
     assert not [line for line in lines if "staged" in line or "rested" in line or "begun" in line]
+
+
+def test_updates_without_a_number_are_not_staged() -> None:
+    assert staged_updates(log_of(event(3.0, "update_applied"))) == []
