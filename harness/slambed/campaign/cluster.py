@@ -97,19 +97,26 @@ def start_on_slurm(played: Played, jobs: int, notify: Callable[[str], None]) -> 
         jobqueue = imported("dask_jobqueue", "--slurm")
     distributed = imported("distributed", "--slurm")
     config = imported("dask.config", "--slurm")
+    client = None
     try:
-        cluster = jobqueue.SLURMCluster(
-            cores=config.get("jobqueue.slurm.cores", None) or 1,
-            memory=config.get("jobqueue.slurm.memory", None) or SLURM_MEMORY,
-            # A word of the job's script, so a path with a blank needs quotes.
-            python=config.get("jobqueue.slurm.python", None) or quote(sys.executable),
-        )
-        cluster.scale(jobs=jobs)
+        with _ctrl_c_later():
+            cluster = jobqueue.SLURMCluster(
+                cores=config.get("jobqueue.slurm.cores", None) or 1,
+                memory=config.get("jobqueue.slurm.memory", None) or SLURM_MEMORY,
+                # A word of the job's script, so a path with a blank needs quotes.
+                python=config.get("jobqueue.slurm.python", None) or quote(sys.executable),
+            )
+            cluster.scale(jobs=jobs)
+            client = distributed.Client(cluster)
     except (OSError, RuntimeError, ValueError) as error:
         raise environment_error(f"Slurm refuses: {error}") from None
+    except KeyboardInterrupt:
+        if client is not None:
+            _close(client)
+        raise
     logs = Path(config.get("jobqueue.slurm.log-directory", None) or "").resolve()
     hint = f"'squeue --me' lists the jobs that wait; those that ended leave a log in {logs}"
-    return _pool(played, distributed.Client(cluster), jobs, notify, hint, math.inf)
+    return _pool(played, client, jobs, notify, hint, math.inf)
 
 
 def _pool(
@@ -146,6 +153,16 @@ def _own_ctrl_c() -> Iterator[None]:
         yield
     finally:
         signal.signal(signal.SIGINT, kept)
+
+
+@contextmanager
+def _ctrl_c_later() -> Iterator[None]:
+    """Delivers Ctrl-C after the block: Dask cannot cancel jobs whose submission it interrupts."""
+    signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT, signal.SIGHUP})
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGINT, signal.SIGHUP})
 
 
 def _close(client: Any) -> None:
