@@ -3,7 +3,11 @@
 """Draws ORB-SLAM3 beside our systems on ever smaller shares of a core, and prints the table.
 
     slambed run examples/orb_slam3/orb_slam3_beside_ours.yaml --runs 10
-    .venv/bin/python tools/peer_picture.py results/orb_slam3_beside_ours docs/pictures/peer.png
+    .venv/bin/python tools/peer_picture.py results/orb_slam3_beside_ours peer.png
+
+Instead of the folder it also takes a table of runs, such as the kept one:
+
+    .venv/bin/python tools/peer_picture.py examples/orb_slam3_at_30_fps.csv peer.png
 
 Dots are runs, lines are medians. Time, CPU and memory are ratios to the median of ours alone on a
 whole core. The error of a run that tracked less than 90 % of the frames is left out, because its
@@ -64,10 +68,10 @@ PANELS = (
 )
 
 
-def runs_of(folder: Path) -> pd.DataFrame:
-    """Returns the valid runs with name, share of a core and ratios."""
-    results = Results(folder)
-    runs = results.runs
+def runs_of(place: Path) -> pd.DataFrame:
+    """Returns the valid runs of a results folder or a table, with name, share of a core and
+    ratios."""
+    runs = pd.read_csv(place) if place.suffix == ".csv" else Results(place).runs
     runs = runs[runs.valid.astype(bool)].copy()
     label = runs.cell.str.partition("/")[0]
     runs["name"] = label.str.partition(", ")[0]
