@@ -30,6 +30,7 @@ class Placing:
     def __init__(self, client: Client) -> None:
         self._client = client
         self._odometry: Odometry | None = None
+        self._newest = 0
         self._one_at_a_time = threading.Lock()
 
     def accept(self, server: socket.socket) -> None:
@@ -46,10 +47,15 @@ class Placing:
             camera = json.loads(receive(connection)[1])
             while True:
                 number, picture = receive(connection)
-                send(connection, number, json.dumps(self._placed(camera, picture)).encode())
+                if (answer := self._placed(camera, number, picture)) is not None:
+                    send(connection, number, json.dumps(answer).encode())
 
-    def _placed(self, camera: dict, picture: bytes) -> dict:
+    def _placed(self, camera: dict, number: int, picture: bytes) -> dict | None:
+        """The answer; None to a picture older than the last one, from before an outage."""
         with self._one_at_a_time:
+            if number < self._newest:
+                return None
+            self._newest = number
             if self._odometry is None:
                 arrays = {k: np.array(v) if isinstance(v, list) else v for k, v in camera.items()}
                 self._odometry = Odometry(SimpleNamespace(**arrays), self._client.params)

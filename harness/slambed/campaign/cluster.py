@@ -97,7 +97,7 @@ def start_on_slurm(played: Played, jobs: int, notify: Callable[[str], None]) -> 
         jobqueue = imported("dask_jobqueue", "--slurm")
     distributed = imported("distributed", "--slurm")
     config = imported("dask.config", "--slurm")
-    client = None
+    cluster = client = None
     try:
         with _ctrl_c_later():
             cluster = jobqueue.SLURMCluster(
@@ -108,11 +108,13 @@ def start_on_slurm(played: Played, jobs: int, notify: Callable[[str], None]) -> 
             )
             cluster.scale(jobs=jobs)
             client = distributed.Client(cluster)
-    except (OSError, RuntimeError, ValueError) as error:
-        raise environment_error(f"Slurm refuses: {error}") from None
-    except KeyboardInterrupt:
+    except BaseException as error:
         if client is not None:
             _close(client)
+        elif cluster is not None:
+            cluster.close()
+        if isinstance(error, OSError | RuntimeError | ValueError):
+            raise environment_error(f"Slurm refuses: {error}") from None
         raise
     logs = Path(config.get("jobqueue.slurm.log-directory", None) or "").resolve()
     hint = f"'squeue --me' lists the jobs that wait; those that ended leave a log in {logs}"
@@ -157,12 +159,26 @@ def _own_ctrl_c() -> Iterator[None]:
 
 @contextmanager
 def _ctrl_c_later() -> Iterator[None]:
-    """Delivers Ctrl-C after the block: Dask cannot cancel jobs whose submission it interrupts."""
-    signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT, signal.SIGHUP})
+    """Delivers Ctrl-C and SIGHUP after the block: Dask cannot cancel jobs whose submission they
+    interrupt.
+
+    The mask keeps them from threads and programs that the block starts. Other threads of this
+    process may still get them, so the handlers wait, too.
+    """
+    came: list[int] = []
+    known = {number: signal.getsignal(number) for number in (signal.SIGINT, signal.SIGHUP)}
+    kept = {n: how for n, how in known.items() if how not in (None, signal.SIG_IGN)}
+    for number in kept:
+        signal.signal(number, lambda received, _: came.append(received))
+    signal.pthread_sigmask(signal.SIG_BLOCK, kept)
     try:
         yield
     finally:
-        signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGINT, signal.SIGHUP})
+        signal.pthread_sigmask(signal.SIG_UNBLOCK, kept)
+        for number, handler in kept.items():
+            signal.signal(number, handler)
+        if came:
+            signal.raise_signal(came[0])
 
 
 def _close(client: Any) -> None:

@@ -199,7 +199,7 @@ def _titles(logs: list[Path]) -> dict[str, Path]:
         title, folder = path.stem.replace("_", ", ", 1), path.absolute().parent.name
         if stems[path.stem] > 1:
             title = folder if folders[folder] == 1 else str(path)
-        titles[title] = path
+        titles[str(path) if title in titles else title] = path
     return titles
 
 

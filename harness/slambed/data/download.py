@@ -103,7 +103,7 @@ def download(
         except SlambedError:
             forget(archive)
             raise
-        # After a full disk or Ctrl-C the next call takes the same archive.
+        # After a full disk or Ctrl-C the next call takes this archive, if its checksum is known.
         forget(archive)
     except OSError as refused:
         raise environment_error(f"{folder}: {refused.strerror or refused}") from refused

@@ -124,7 +124,7 @@ def _explained(
         "waiting": waiting_ms,
     }
     return SlowFrame(
-        frame=int(row.get("frame") or 0),
+        frame=0 if pd.isna(number := row.get("frame")) else int(number),
         offered_s=begin_s - queued_ms / 1e3,
         queued_ms=queued_ms,
         wall_ms=wall_ms,

@@ -296,7 +296,7 @@ def test_ctrl_c_while_slurm_lets_wait_cancels_the_job(tmp_path: Path) -> None:
         (tmp_path / "bin" / name).chmod(0o755)
     path = write_experiment(tmp_path, make_sequence(tmp_path / "walk", 1), 1)
     command = ["run", str(path), "--results", str(tmp_path / "results"), "--slurm", "--jobs", "1"]
-    campaign = subprocess.Popen(
+    with subprocess.Popen(
         [
             sys.executable,
             "-c",
@@ -315,13 +315,19 @@ def test_ctrl_c_while_slurm_lets_wait_cancels_the_job(tmp_path: Path) -> None:
             "PATH": f"{tmp_path / 'bin'}:{os.environ['PATH']}",
             "PYTHONPATH": str(repository_root() / "harness"),
         },
-    )
-    # Dask logs the number of the job after it was read.
-    assert campaign.stdout is not None
-    while "Starting job: 17" not in (line := campaign.stdout.readline()):
-        assert line, "the campaign ended"
-    campaign.send_signal(signal.SIGINT)
-    out, _ = campaign.communicate(timeout=STARTS_S)
+    ) as campaign:
+        # Dask logs the number of the job after it was read.
+        assert campaign.stdout is not None
+        printed = [""]
+        try:
+            while "Starting job: 17" not in printed[-1]:
+                printed.append(campaign.stdout.readline())
+                assert printed[-1], "".join(printed)
+            campaign.send_signal(signal.SIGINT)
+            out, _ = campaign.communicate(timeout=STARTS_S)
+        finally:
+            campaign.kill()
+    out = "".join([*printed, out])
     assert campaign.returncode == INTERRUPTED, out
     assert "interrupted" in out and "Traceback" not in out, out
     assert (tmp_path / "cancelled").read_text().split() == ["17"]

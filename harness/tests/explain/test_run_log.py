@@ -14,6 +14,7 @@ from results_factory import RawRun, spec_of, write_experiment, write_jsonl
 from slambed.errors import ExitCode, SlambedError
 from slambed.explain.picture import Window, figure_of
 from slambed.explain.run_log import read_run
+from slambed.explain.slowest import slowest
 from slambed.explain.story import story
 from slambed.metrics.event_columns import EVENT_COLUMNS, table_of
 
@@ -38,7 +39,7 @@ def stored_run(root: Path) -> Path:
 def test_events_without_optional_fields_have_a_story_and_a_picture(tmp_path: Path) -> None:
     folder = raw_run(
         tmp_path / "raw",
-        {"t_ns": S, "type": "frame_tracked", "state": "ok"},
+        {"t_ns": S, "type": "frame_tracked", "state": "ok", "track_ms": 20.0},
         {"t_ns": S + 1, "type": "frame_dropped"},
         {"t_ns": S, "type": "stage", "name": "track", "wall_ms": 20.0},
         {"t_ns": 2 * S, "type": "track_lost"},
@@ -54,6 +55,7 @@ def test_events_without_optional_fields_have_a_story_and_a_picture(tmp_path: Pat
     )
     assert {"1 map update applied", "track lost at 2.00 s: 1 frame dropped"} <= set(lines)
     plt.close(figure_of(run, Window(0.0, run.end_s)))
+    assert [frame.frame for frame in slowest(run, 1)] == [0]
 
 
 def test_a_stored_run_gets_the_columns_that_were_added_later(tmp_path: Path) -> None:
