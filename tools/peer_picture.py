@@ -118,7 +118,7 @@ def draw(runs: pd.DataFrame, target: Path) -> None:
         for line, mark, words in LINKS.values()
     ]
     figure.legend(handles=lines, loc="outside lower center", ncols=6, frameon=False)
-    figure.savefig(target, dpi=120)
+    figure.savefig(target, dpi=100, pil_kwargs={"optimize": True})
 
 
 def told(values: pd.Series, digits: int) -> str:

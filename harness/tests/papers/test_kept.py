@@ -145,9 +145,9 @@ def test_the_numbers_of_packed_runs_are_counted(tmp_path: Path) -> None:
 
 
 def test_the_page_of_all_papers_has_the_counts_of_the_packed_runs(tmp_path: Path) -> None:
-    code, out, _ = slambed("papers", "counts", "--packed", cwd=tmp_path)
+    code, out, _ = slambed("papers", "counts", "--packed", cwd=tmp_path, COLUMNS="200")
     assert code == 0
-    counted = [re.split(r"\s{2,}", line) for line in out.splitlines()[2:]]
+    counted = [re.split(r"\s{2,}", line.strip()) for line in out.splitlines()[2:]]
     text = (repository_root() / "docs" / "papers" / "index.md").read_text()
     rows = re.findall(r"^\| (.+?) \| (\d+(?: \| \d+){4}) \|$", text, re.MULTILINE)
     page = [[what, *numbers.split(" | ")] for what, numbers in rows]
