@@ -232,6 +232,8 @@ def choose_system(page: Page, name: str) -> None:
 
 
 def test_a_slow_answer_does_not_replace_a_later_one(page: Page, address: str) -> None:
+    # Else the page of an earlier test, at the same address, could be taken for the new one.
+    page.open("about:blank")
     page.open(f"{address}/experiments/invented/", "document.documentElement.matches('.scripted')")
     page.value(
         "(() => { const real = fetch; window.late = 0; window.fetch = async (at, how) => {"
