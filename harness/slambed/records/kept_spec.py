@@ -66,6 +66,7 @@ class KeptSpec(Record):
     system: str | None = None
     variant: str | None = None
     params: Annotated[dict[str, JsonValue] | None, in_keys(PARAMETERS)] = None
+    inputs: Annotated[dict[str, str], in_keys(PARAMETERS)] = Field(default_factory=dict)
     system_folder: str | None = None
     runtime: KeptRuntime | None = None
     dataset: str | None = None

@@ -20,6 +20,7 @@ from slambed.report.hosts import host_table
 from slambed.report.html import PageContent, write_html
 from slambed.report.load import Results, load
 from slambed.report.not_measured import left_to_live_runs, not_measured
+from slambed.report.own_programs import program_lines
 from slambed.report.plots import TIME_FOR_FIGURES_S, Drawn, draw_all
 from slambed.report.rounds import update_round_tables
 from slambed.report.settings import settings_table
@@ -238,6 +239,7 @@ def terminal_summary(
     parts: list[RenderableType] = [Text(f"{results.title}: {headline(results, cells)}")]
     for table in summary.tables + summary.comparisons:
         parts += [Text(""), table.rich()]
+    parts += [Text(line) for line in program_lines(results.runs)]
     notes = [f"{cell.name}: {note}" for cell in cells for note in cell.notes] + results.problems
     warnings = summary.warnings[len(results.stand_ins) if said else 0 :]
     parts += [Text(f"! {line}", style=LOUD) for line in warnings]

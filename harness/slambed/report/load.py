@@ -30,6 +30,7 @@ from slambed.report.board_facts import board_facts
 from slambed.report.busy_host import held_up, waited
 from slambed.report.link_stalls import stalled_links
 from slambed.report.metrics_versions import REMEDY, described, old_version, refused_runs
+from slambed.report.own_programs import program_fact
 from slambed.spec.experiment import DEVICE_PACE
 
 MOST_PROBLEMS_PER_KIND = 10
@@ -47,8 +48,8 @@ Row = dict[str, object]
 class Results:
     """All runs of one experiment. `runs` has one row per run; its columns are the summary keys,
     `label`, `plain_label` (without the engine), `host` (null without a hosts file), those of
-    `board_facts`, `params.<name>`, `plan.<paper>`, `started_utc`, `folder` and `described` (key of
-    the system's description)."""
+    `board_facts`, `program` (packages and files of a system with its own), `params.<name>`,
+    `plan.<paper>`, `started_utc`, `folder` and `described` (key of the system's description)."""
 
     folder: Path
     title: str
@@ -293,7 +294,7 @@ def _read_runs(
             "folder": path.name,
             "described": found_by,
         }
-        row |= board_facts(manifest) | _plans_of(manifest)
+        row |= board_facts(manifest) | program_fact(manifest) | _plans_of(manifest)
         for name, value in (spec.params or {}).items():
             row[f"params.{name}"] = value
         if wanted and path.name not in wanted:

@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Describes how a report's numbers were made: engines and devices, in sentences."""
 
+from collections import Counter
 from collections.abc import Iterator
 
 import pandas as pd
@@ -8,6 +9,7 @@ import pandas as pd
 from slambed.report.boards import board_lines
 from slambed.report.compute_times import ComputeTime
 from slambed.report.load import Results
+from slambed.report.own_programs import program_lines
 from slambed.spec.device import VIRTUAL
 from slambed.spec.experiment import DEVICE_PACE
 
@@ -16,6 +18,8 @@ ENGINES = {
     "local": "processes under the limits of their device, in real time",
     VIRTUAL: "simulated time; computing time and link are models, not measurements",
 }
+HOST = {"cores", "cpu_model"}
+"""Facts of a manifest that say what a live run was made on."""
 NO_LIMITS = (
     "Virtual runs have no limits: the time of every stage comes from the model of its device."
 )
@@ -41,8 +45,29 @@ def setup_lines(results: Results, times: list[ComputeTime]) -> list[str]:
             words = (name + (f" ({changes[name]})" if name in changes else "") for name in names)
             parts.append(f"{node} {', '.join(words)}")
     lines += [f"Devices: {'; '.join(parts)}."] if parts else []
+    lines += _hosts(results)
     lines += board_lines(results)
+    lines += program_lines(results.runs)
     return lines + [time.line() for time in times]
+
+
+def _hosts(results: Results) -> list[str]:
+    """Returns a sentence about the processors of live runs, with the numbers of runs if there are
+    several."""
+    live = results.runs[~results.runs["engine"].eq(VIRTUAL)]
+    known = [results.facts_of.get(str(key), {}) for key in live["run_key"]]
+    counts = Counter(
+        f"{facts['cores']} cores of {facts['cpu_model']}" for facts in known if facts.keys() >= HOST
+    )
+    if not counts:
+        return []
+    several = len(counts) > 1
+    parts = [f"{host} ({_runs(count)})" if several else host for host, count in counts.items()]
+    return [f"Host: {'; '.join(parts)}."]
+
+
+def _runs(count: int) -> str:
+    return f"{count} run{'' if count == 1 else 's'}"
 
 
 def _pace(runs: pd.DataFrame) -> list[str]:

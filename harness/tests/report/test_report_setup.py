@@ -60,6 +60,41 @@ def test_a_device_that_is_two_machines_is_said_to_be(tmp_path: Path) -> None:
     assert "are those of its cost model" in " ".join(setup_of(virtual))
 
 
+def test_a_footnote_names_packages_files_and_host(tmp_path: Path) -> None:
+    theirs = spec_of(
+        "orb_slam3", "default", None, 0, runtime={"mobile": {"command": ["python3", "run.py"]}},
+        params={"vocabulary": "/somewhere/ORBvoc.txt"}, inputs={"vocabulary": "0123456789abcdef"},
+    )  # fmt: skip
+    host = {"cores": 4, "cpu_model": "Invented 4000"}
+    packages = {"python_packages": {"pyorbslam3": "0.1.1", "numpy": "2.2.6"}}
+    of_theirs = RawRun(duration_s=4.0, edge=False, manifest=host | packages)
+    ours = spec_of("orbslam2", "default", None, 0, inputs={"prior_map": "fedcba9876543210"})
+    of_ours = RawRun(duration_s=4.0, edge=False, manifest=host)
+    folder = write_experiment(tmp_path, [(theirs, of_theirs), (ours, of_ours)])
+    named = (
+        "orb_slam3 runs with pyorbslam3 0.1.1, numpy 2.2.6; "
+        "vocabulary ORBvoc.txt (SHA-256 0123456789ab)."
+    )
+    lines = setup_of(folder)
+    assert [line for line in lines if " runs with " in line] == [named]
+    assert "Host: 4 cores of Invented 4000." in lines
+    terminal = Console(width=400, record=True, file=io.StringIO())
+    terminal_summary(folder, terminal)
+    assert named in terminal.export_text()
+
+
+def test_several_hosts_are_named_with_their_runs(tmp_path: Path) -> None:
+    def run(repetition: int, cpu: str, engine: str = "local") -> tuple[object, RawRun]:
+        facts = {"cores": 2, "cpu_model": cpu}
+        spec = spec_of("orbslam2", "default", None, repetition, engine=engine)
+        return spec, RawRun(duration_s=4.0, edge=False, manifest=facts)
+
+    folder = write_experiment(
+        tmp_path, [run(0, "A"), run(1, "B"), run(2, "B"), run(3, "C", "virtual")]
+    )
+    assert "Host: 2 cores of A (1 run); 2 cores of B (2 runs)." in setup_of(folder)
+
+
 def test_a_system_that_nothing_can_hold_up_is_not_told_to_be_held_up() -> None:
     known = ComputeTime("raspberry_pi_4", False, False, 5.0, False, 40.0)
     assert "--set pace=device" in str(known.warning("mine"))
