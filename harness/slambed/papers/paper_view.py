@@ -25,7 +25,7 @@ from slambed.papers.paper_claims import claim_lines
 from slambed.papers.paper_runs import experiments_of
 from slambed.papers.published import Paper, PublishedTable
 from slambed.papers.published.paper_plan import read_plan
-from slambed.papers.reasons import REASON_WORDS, count, reason_of
+from slambed.papers.reasons import REASON_WORDS, Reason, count, reason_of
 from slambed.papers.registered import PlanLine, experiments_behind, plan_lines, plan_words
 from slambed.report.load import Results
 
@@ -33,8 +33,13 @@ MARK_WORDS: dict[Mark, str] = MARKS | {
     "F": "fitted: set to match, no evidence",
     "S": "substitute sequence: played instead of the paper's, shown and not judged",
     "E": "run, but kept without events",
+    "N": "no number of ours",
 }
 """Words for the legend."""
+NO_DETAILS: dict[Reason | None, str] = {
+    reason: REASON_WORDS[reason] for reason in ("not_played", "live", "virtual")
+}
+"""Reasons that are the same for all their numbers."""
 REASONS = 3
 SHOWN_CLAIMS = 4
 
@@ -166,8 +171,8 @@ def why_not(verdicts: PaperVerdicts, column: Column) -> WhyNot:
             blocks[f"fitted, {SET_TO_MATCH}"] += 1
         elif row.mark == "E":
             blocks[row.why] += 1
-        elif (reason := reason_of(verdicts, column, row)) == "not_played":
-            blocks[REASON_WORDS[reason]] += 1
+        elif (reason := reason_of(verdicts, column, row)) in NO_DETAILS:
+            blocks[NO_DETAILS[reason]] += 1
         elif reason == "recording":
             blocks[f"{REASON_WORDS[reason]}: {_recording(verdicts, row)}"] += 1
         elif reason is not None:

@@ -8,13 +8,15 @@ from typing import Any, Literal
 
 from slambed.papers.compare import Column, PaperVerdicts
 from slambed.papers.judged import Judged, Mark
-from slambed.papers.lookup import matching
+from slambed.papers.lookup import LIVE, matching
 from slambed.report.tables import Table
 
 Reason = Literal[
-    "recording", "field_study", "not_in_print", "not_measured", "not_played", "no_events"
-]
-"""Why there is no number of ours."""
+    "recording", "field_study", "not_in_print", "not_measured", "not_played", "no_events",
+    "live", "virtual",
+]  # fmt: skip
+"""Why there is no number of ours. `live`, `virtual`: among runs of one kind, because only the other
+kind was played."""
 REASON_WORDS: dict[Reason, str] = {
     "recording": "recording not available",
     "field_study": "field study",
@@ -22,7 +24,13 @@ REASON_WORDS: dict[Reason, str] = {
     "not_measured": "not measured here",
     "not_played": "not played yet",
     "no_events": "played, events not kept",
+    "live": "played live",
+    "virtual": "played in virtual time",
 }
+COUNTED: dict[Reason, str] = {
+    reason: words for reason, words in REASON_WORDS.items() if reason not in ("live", "virtual")
+}
+"""Reasons over all kinds of engines."""
 Group = Literal["judged", "beside", "fitted", "setting", "none"]
 GROUP_WORDS: dict[Group, str] = {
     "judged": "judged",
@@ -48,12 +56,22 @@ def reason_of(verdicts: PaperVerdicts, column: Column, row: Judged) -> Reason | 
         return declared
     if row.missing in ("no_system", "no_metric"):
         return "not_measured"
+    if (other := _other_kind(verdicts, column, row)) is not None:
+        return other
     dataset = verdicts.paper.datasets.get(str(row.cell.conditions.get("dataset")))
     if dataset is None or dataset.stand_in:
         return "not_played"
     # Only the recording itself can be played, and no run has it.
     played = matching(column.runs, {"dataset": dataset.match}) if len(column.runs) else column.runs
     return "not_played" if len(played) else "recording"
+
+
+def _other_kind(verdicts: PaperVerdicts, column: Column, row: Judged) -> Reason | None:
+    """Returns the kind of engine whose runs have the number."""
+    for other in verdicts.columns:
+        if other is not column and GROUP_OF[other.rows[row.cell.id].mark] != "none":
+            return "live" if other.engine == LIVE else "virtual"
+    return None
 
 
 @dataclass(frozen=True)
@@ -116,7 +134,7 @@ def count_table(pages: list[PaperVerdicts]) -> Table:
     table.rows.append(["printed", *(str(c.printed) for c in counts.values())])
     for group, words in GROUP_WORDS.items():
         table.rows.append([words, *(str(c.groups[group]) for c in counts.values())])
-    for reason, words in REASON_WORDS.items():
+    for reason, words in COUNTED.items():
         table.rows.append([f"- {words}", *(str(c.reasons[reason]) for c in counts.values())])
     return table
 
@@ -129,7 +147,7 @@ def count_json(pages: list[PaperVerdicts]) -> dict[str, Any]:
         found[verdicts.paper.id] = {
             "printed": counted.printed,
             "groups": {group: counted.groups[group] for group in GROUP_WORDS},
-            "without": {reason: counted.reasons[reason] for reason in REASON_WORDS},
+            "without": {reason: counted.reasons[reason] for reason in COUNTED},
             "numbers": [
                 {"id": name, "reason": reason, "why": row.why}
                 for name, (row, reason) in _furthest(verdicts).items()

@@ -516,6 +516,25 @@ def test_numbers_without_one_of_ours_are_counted_by_reason(experiments: list[Res
     assert int(judged[table.headings.index("dynnetslam")]) > 9
 
 
+def test_a_number_that_only_the_other_kind_of_runs_has_is_not_called_not_played(
+    dynnetslam: Paper, tmp_path: Path
+) -> None:
+    both = {"conventional": PAPER_CONVENTIONAL, "static": PAPER_ENHANCED}
+    live = table_2({"static": PAPER_ENHANCED}, 100)
+    live.folder = Path("live_t2")
+    page = write_paper_page(dynnetslam, [live, table_2(both, 100, engine="virtual")], tmp_path)
+    assert page.verdicts is not None
+    reasons = {}
+    for column in page.verdicts.columns:
+        gaps = paper_view.why_not(page.verdicts, column)
+        reasons[column.engine] = [line.split(": ", 1)[1] for line in (*gaps.reasons, *gaps.rest)]
+    assert "played in virtual time" in reasons["live"]
+    assert "played live" not in reasons["virtual"] + reasons["live"]
+    assert any(line.startswith("not played yet; slambed") for line in reasons["virtual"])
+    own = count_json([page.verdicts])["dynnetslam"]["without"]
+    assert "live" not in own and own["not_played"] > 0
+
+
 def test_a_paper_without_runs_has_a_page_too(tmp_path: Path) -> None:
     paper = read_papers(["cloudslam"])[0]
     page = write_paper_page(paper, [results_of([], reproduces=())][:0], tmp_path)
