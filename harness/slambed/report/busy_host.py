@@ -31,8 +31,8 @@ def held_up(runs: pd.DataFrame) -> Iterator[str]:
 
 
 def waited(runs: pd.DataFrame, samples: Samples) -> Iterator[str]:
-    """Yields lines about runs whose mobile node waited for a CPU, so that stages took longer than
-    on the device."""
+    """Yields lines about runs whose mobile node waited for a CPU. On a busy host its stages took
+    longer than on the device; several threads under a small limit also wait for each other."""
     if "cpu_wait_share" not in runs:
         return
     waiting = runs[runs["cpu_wait_share"].astype(float) > WAIT_SHARE]
@@ -40,9 +40,9 @@ def waited(runs: pd.DataFrame, samples: Samples) -> Iterator[str]:
     for cell, found in waiting.groupby("cell"):
         yield (
             f"{cell}: in {len(found)} of {sizes[cell]} runs the mobile node waited for a processor "
-            f"for more than {100 * WAIT_SHARE:.0f} % of the time in which it wanted one, so its "
-            f"stages took longer than the limits of its device explain; most "
-            f"{_most(found, samples)}; they count as valid unless the experiment sets "
+            f"for more than {100 * WAIT_SHARE:.0f} % of the time in which it wanted one: the host "
+            "was busy, or its own threads waited for each other under the limits of its device; "
+            f"most {_most(found, samples)}; they count as valid unless the experiment sets "
             "tolerances.cpu_wait_share_max"
         )
 
