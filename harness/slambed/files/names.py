@@ -53,5 +53,5 @@ Title = Annotated[str, AfterValidator(_one_line)]
 def must_be_word(name: str, location: Location) -> None:
     """Raises MisplacedError for a key that programs cannot get as the name of an environment
     variable."""
-    if not re.match(_WORD_PATTERN, name):
+    if not re.fullmatch(_WORD_PATTERN, name):
         raise MisplacedError(f"expected {_OF_A_WORD}, not {in_words(name)}", location)

@@ -162,6 +162,7 @@ def test_a_wrong_parameter_of_a_variant_has_its_line(
     [
         ("sensors: []", "'sensors': expected at least one entry, not a list"),
         ("params: {'a b': {type: int, default: 1}}", "digits and '_', no digit first, not 'a b'"),
+        ('params: {"a\\n": {type: int, default: 1}}', "digits and '_', no digit first, not 'a"),
         (
             "params: {a: {type: int, default: 1}, A: {type: int, default: 2}}",
             "params: 'a' and 'A', one environment variable for two",
