@@ -21,10 +21,14 @@ ALL_SYSTEMS = "x_all_systems"
 PAGE = "systems.html"
 RARELY = 0.1
 """Up to this share of runs with a track loss a cell counts as one that keeps track."""
+MOST_NAMED = 2
+"""Up to so many variants that never lose track are named."""
 COLUMN = 30
 PLOT = 40
 BARS = 12
-"""Width of a link, height of the errors and of the shares lost, in pixels."""
+MARGIN = 5
+"""Width of a link, height of the errors, of the shares lost, and of the room for a dot at the upper
+end, in pixels."""
 REM = 2.3
 """Width of a link on the page."""
 LARGEST_M = 1.0
@@ -98,7 +102,9 @@ def takeaway(cells: list[Cell]) -> list[str]:
         return ["Track losses were not measured."]
     kept = sum(cell.lost <= RARELY * cell.measured for cell in cells)
     of_all = f"In {kept} of {len(cells)} combinations"
-    first = f"{of_all} at most {100 * RARELY:.0f} % of the runs lose track."
+    fewer = max(cell.measured for cell in cells) * RARELY < 1
+    rarely = "no run loses" if fewer else f"at most {100 * RARELY:.0f} % of the runs lose"
+    first = f"{of_all} {rarely} track."
     shares = {
         name: sum(c.lost for c in own) / sum(c.measured for c in own)
         for name in dict.fromkeys(cell.variant for cell in cells)
@@ -108,7 +114,8 @@ def takeaway(cells: list[Cell]) -> list[str]:
     most = max(shares, key=lambda name: shares[name])
     loses = "lose" if len(never) > 1 else "loses"
     variants = f"variant{'' if len(shares) == 1 else 's'}"
-    second = f"{len(never) or 'None'} of {len(shares)} {variants} never {loses} it."
+    named = f" ({' and '.join(never)})" if 0 < len(never) <= MOST_NAMED else ""
+    second = f"{len(never) or 'None'} of {len(shares)} {variants} never {loses} it{named}."
     if shares[most]:
         second += f" {most} loses it most often, in {100 * shares[most]:.0f} % of its runs."
     return [f"{first} {second}"]
@@ -137,7 +144,7 @@ def cell_svg(cells: list[Cell], links: list[str], boards: list[str]) -> Markup:
         parts.append(f"<g><title>{escape(cell.words)}</title>{dot}{bar}</g>")
     return Markup(
         f'<svg class="cell" style="width: {REM * len(links):g}rem" '
-        f'viewBox="0 0 {width} {height}" role="img" '
+        f'viewBox="0 {-MARGIN} {width} {height + MARGIN}" role="img" '
         f'aria-label="{escape("; ".join(cell.words for cell in cells))}">{"".join(parts)}</svg>'
     )
 

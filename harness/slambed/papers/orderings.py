@@ -122,7 +122,8 @@ class JudgedOrdering:
     @property
     def holding(self) -> str:
         """Returns `8 of 9 pairs hold`, with the number of reversed pairs; empty for a single
-        pair. Where the paper's own numbers show nothing: `ours: reversed in 25 of 26 pairs`."""
+        pair. Where the paper's own numbers show nothing: `ours: holds in none and
+        reversed in 25 of 26 pairs`."""
         parts: Counter[str] = Counter(part.outcome for part in self.ordering.parts)
         if self.unshown is not None:
             return f"ours: {self._unshown_words(parts)}"
@@ -167,26 +168,37 @@ class JudgedOrdering:
     def little_tracked(self) -> str:
         """Returns `our runs tracked 12 to 16 % of their frames` where all of them are below
         `LITTLE_TRACKED`: whatever is compared then is about what was tracked. Empty otherwise."""
-        shares = [
+        shares = self._tracked()
+        if not shares or max(shares) >= LITTLE_TRACKED:
+            return ""
+        least, most = (f"{100 * share:.0f}" for share in (min(shares), max(shares)))
+        return f"our runs tracked {f'{least} to ' * (least != most)}{most} % of their frames"
+
+    @property
+    def most_tracked(self) -> float:
+        """Returns the largest share of frames that one of our runs tracked; NaN if none is
+        known."""
+        return max(self._tracked(), default=float("nan"))
+
+    def _tracked(self) -> list[float]:
+        """Returns the share of frames with a pose of each of our runs."""
+        return [
             float(share)
             for chain in self.chains
             for _, m in chain
             if m.there and m.found.runs is not None and "coverage" in m.found.runs
             for share in m.found.runs["coverage"].dropna()
         ]
-        if not shares or max(shares) >= LITTLE_TRACKED:
-            return ""
-        least, most = (f"{100 * share:.0f}" for share in (min(shares), max(shares)))
-        return f"our runs tracked {f'{least} to ' * (least != most)}{most} % of their frames"
 
     def _unshown_words(self, parts: Counter[str]) -> str:
         if self.unshown == "holds":
             return "holds"
-        counted = {"holds in": parts["holds"], "reversed in": parts["reversed"]}
-        found = [f"{words} {number}" for words, number in counted.items() if number]
-        if not found:
+        held, reverse = parts["holds"], parts["reversed"]
+        if not held and not reverse:
             return "reversed" if self.unshown == "reversed" else "not shown either"
-        return f"{' and '.join(found)} of {len(self.chains)} {self.chain_words[1]}"
+        # Otherwise the other pairs would be taken for pairs that hold.
+        also = f" and reversed in {reverse}" if reverse else ""
+        return f"holds in {held or 'none'}{also} of {len(self.chains)} {self.chain_words[1]}"
 
     @property
     def chain_words(self) -> tuple[str, str]:

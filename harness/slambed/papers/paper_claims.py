@@ -185,8 +185,10 @@ def in_short(assumed: Sequence[str]) -> list[str]:
 def _claim(engine: str, item: JudgedOrdering) -> ClaimLine:
     ordering, kind = item.ordering, item.kind
     weak = WEAK.get(item.provenance, "") if kind in SHOWN else ""
+    fitted = item.provenance == "fitted"
+    shade = ("weak fitted" if fitted else "weak") if weak else ""
     notes = [item.why]
-    if item.provenance == "fitted":
+    if fitted:
         notes.insert(0, "a device was set to match some of these numbers: no evidence")
     if item.stand_ins:
         notes.insert(0, f"played on {', '.join(item.stand_ins)}")
@@ -206,7 +208,7 @@ def _claim(engine: str, item: JudgedOrdering) -> ClaimLine:
         item.words.upper() + WEAK_BADGE.get(weak, ""),
         item.words,
         kind,
-        f"{kind} weak" if weak else kind,
+        f"{kind} {shade}".strip(),
         contrast.says,
         item.values(False),
         item.values(True),

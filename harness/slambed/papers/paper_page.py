@@ -30,6 +30,7 @@ from slambed.papers.paper_view import (
     circumstance,
     headline,
     plays_a_part,
+    summary_rows,
     terminal_lines,
     twin,
     why_not,
@@ -127,7 +128,13 @@ def write_overview(
     path = folder / "index.html"
     page = environment().get_template("papers.html.j2")
     counts = count_table(pages)
-    content = {"papers": papers, "counts": counts, "metrics": METRICS, "systems": systems}
+    content = {
+        "papers": papers,
+        "summary": [row for v in pages for row in summary_rows(v)],
+        "counts": counts,
+        "metrics": METRICS,
+        "systems": systems,
+    }
     path.write_text(page.render(**content, **_look()), encoding="utf-8")
     return path
 

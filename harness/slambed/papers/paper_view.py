@@ -3,6 +3,7 @@
 runs."""
 
 from collections import Counter
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
 
@@ -19,6 +20,7 @@ from slambed.papers.compare import Column, PaperVerdicts
 from slambed.papers.fitted import OWN_DATA, SET_TO_MATCH
 from slambed.papers.judged import MARKS, Judged, Mark
 from slambed.papers.kept import no_runs_words
+from slambed.papers.lookup import LIVE
 from slambed.papers.orderings import JudgedOrdering, outcome_of
 from slambed.papers.origin import origin_words
 from slambed.papers.paper_claims import claim_lines
@@ -42,6 +44,7 @@ NO_DETAILS: dict[Reason | None, str] = {
 """Reasons that are the same for all their numbers."""
 REASONS = 3
 SHOWN_CLAIMS = 4
+NO_OTHERS: Mapping[str, str] = {}
 
 
 @dataclass(frozen=True)
@@ -272,7 +275,7 @@ def headline(verdicts: PaperVerdicts, column: Column) -> list[Headline]:
         ]
     if plays_a_part(verdicts, column):
         return _of_a_part(verdicts, column)
-    return [*_orderings(column), _numbers(verdicts, column)]
+    return [*_orderings(verdicts, column), _numbers(verdicts, column)]
 
 
 def plays_a_part(verdicts: PaperVerdicts, column: Column) -> bool:
@@ -314,14 +317,20 @@ OUTCOME_WORDS: dict[str, tuple[str, str]] = {
 """Group -> singular and plural."""
 
 
-def _orderings(column: Column) -> list[Headline]:
+def _orderings(verdicts: PaperVerdicts, column: Column) -> list[Headline]:
     """Returns one headline per kind of sequences: the paper's own, others."""
     by_place: dict[str, list[JudgedOrdering]] = {}
     for item in sorted(column.orderings, key=lambda item: bool(item.stand_ins)):
         by_place.setdefault("substitute" if item.stand_ins else "own", []).append(item)
     if "own" in by_place and not any(o.begun for o in by_place["own"]):
         by_place.setdefault("substitute", []).extend(by_place.pop("own"))
-    return [_outcomes(own) for own in by_place.values()]
+    others = {
+        item.contrast.id: "live" if other.engine == LIVE else "in virtual time"
+        for other in verdicts.columns
+        for item in other.orderings
+        if other is not column and outcome_of(item) != "waiting"
+    }
+    return [_outcomes(own, others=others) for own in by_place.values()]
 
 
 def _place(items: list[JudgedOrdering]) -> str:
@@ -347,22 +356,64 @@ def is_generated(dataset: str) -> bool:
     return recipe.synthetic is not None or bool(recipe.window_of and is_generated(recipe.window_of))
 
 
-def _outcomes(items: list[JudgedOrdering], which: str = "") -> Headline:
+def _outcomes(
+    items: list[JudgedOrdering], which: str = "", others: Mapping[str, str] = NO_OTHERS
+) -> Headline:
     """Returns `On generated sequences 11 of 24 orderings hold.`, and the other outcomes; `which`
-    follows the word "ordering"."""
-    counts = Counter(outcome_of(item) for item in items)
+    follows the word "ordering", `others` says how orderings were played on another kind of
+    engine."""
+    by_group: dict[str, list[JudgedOrdering]] = {group: [] for group in OUTCOME_WORDS}
+    elsewhere: Counter[str] = Counter()
+    for item in items:
+        if (group := outcome_of(item)) == "waiting" and item.contrast.id in others:
+            elsewhere[others[item.contrast.id]] += 1
+        else:
+            by_group[group].append(item)
+    counts = {group: len(own) for group, own in by_group.items()}
     rest = [
-        CountLine(
-            f"{counts[group]} {words[counts[group] > 1]}",
-            _unshown(items) if group == "unshown" else [],
-        )
+        CountLine(f"{counts[group]} {words[counts[group] > 1]}", _single(group, by_group[group]))
         for group, words in OUTCOME_WORDS.items()
         if counts[group] and group != "hold"
     ]
+    rest += [
+        CountLine(f"{number} {'was' if number == 1 else 'were'} played {how} only")
+        for how, number in elsewhere.items()
+    ]
+    if little := _little_tracked(by_group["hold"]):
+        rest.insert(0, CountLine(little))
     holding = f"{counts['hold'] or 'none'} of {_many(len(items), 'ordering')}{which}"
     if len(items) == 1:
         holding = f"{'one' if counts['hold'] else 'no'} ordering{which}"
     return Headline(f"{_place(items)} {holding} {'hold' if counts['hold'] > 1 else 'holds'}.", rest)
+
+
+def _single(group: str, items: list[JudgedOrdering]) -> list[str]:
+    """Returns what a reader has to know of the orderings of one group."""
+    if group == "unshown":
+        return _unshown(items)
+    if group not in ("not_seen", "inconclusive"):
+        return []
+    counts = Counter(item.floor for item in items if item.cannot_differ)
+    return [_of_them(number, len(items), text) for text, number in counts.items()]
+
+
+def _little_tracked(items: list[JudgedOrdering]) -> str:
+    """Returns `in each of those that hold our runs tracked at most 15 % of their frames`; empty
+    where they tracked more."""
+    shares = [item.most_tracked for item in items if item.little_tracked]
+    if not shares:
+        return ""
+    which = "in each" if len(shares) == len(items) else f"in {len(shares)}"
+    return (
+        f"{which} of those that hold our runs tracked at most {100 * max(shares):.0f} % of their "
+        "frames"
+    )
+
+
+def _of_them(number: int, every: int, text: str) -> str:
+    if every == 1:
+        return text
+    return f"in {'each' if number == every else number} of them {text}"
 
 
 def _unshown(items: list[JudgedOrdering]) -> list[str]:
@@ -407,6 +458,34 @@ def _numbers(verdicts: PaperVerdicts, column: Column) -> Headline:
     parts = ((marks["R"], "reproduced"), (marks["D"], "different"), (marks["I"], "inconclusive"))
     how = ", ".join(f"{number} {word}" for number, word in parts)
     return Headline(f"{says}: {how}." if judged else f"{says}.", rest)
+
+
+@dataclass(frozen=True)
+class SummaryRow:
+    """One line of the overview: a paper and one kind of engine."""
+
+    id: str
+    name: str
+    runs: str
+    numbers: list[int]
+    """Orderings played, that hold, are reversed, neither; numbers printed, judged, reproduced."""
+
+
+def summary_rows(verdicts: PaperVerdicts) -> list[SummaryRow]:
+    """Returns one line for each kind of engine that played something."""
+    found = []
+    for column in verdicts.columns:
+        outcomes = Counter(outcome_of(item) for item in column.orderings if item.begun)
+        del outcomes["waiting"]
+        hold, reverse = outcomes["hold"], outcomes["reversed"] + outcomes["in_part"]
+        marks = Counter(row.mark for row in column.rows.values())
+        judged = count(verdicts, column).groups["judged"]
+        numbers = [outcomes.total(), hold, reverse, outcomes.total() - hold - reverse]
+        numbers += [len(column.rows), judged, marks["R"]]
+        name, _, _ = verdicts.paper.paper.title.partition(":")
+        runs = column.engine or "none"
+        found.append(SummaryRow(verdicts.paper.id, name, runs, numbers))
+    return found
 
 
 RUNS_WORDS = {"virtual": "runs simulated in virtual time"}

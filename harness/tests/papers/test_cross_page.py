@@ -71,10 +71,11 @@ def test_the_headline_is_computed() -> None:
     cells = cells_of_runs(results_of({"A": 0, "B": 4}))
     assert takeaway(cells) == [
         "In 6 of 8 combinations at most 10 % of the runs lose track. 1 of 2 variants never "
-        "loses it. B loses it most often, in 20 % of its runs."
+        "loses it (A). B loses it most often, in 20 % of its runs."
     ]
     assert takeaway(cells_of_runs(results_of({"A": 0}))) == [
-        "In 4 of 4 combinations at most 10 % of the runs lose track. 1 of 1 variant never loses it."
+        "In 4 of 4 combinations at most 10 % of the runs lose track. 1 of 1 variant never loses "
+        "it (A)."
     ]
 
 

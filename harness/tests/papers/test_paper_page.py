@@ -193,7 +193,7 @@ def test_what_holds_without_being_evidence_looks_like_none(page: PaperPage) -> N
     assert found == {
         "stand-in": ("HOLDS ON A SUBSTITUTE SEQUENCE", "holds weak"),
         "half": ("NOT ALL RUN", "half_run"),
-        "fitted": ("HOLDS (FITTED, NO EVIDENCE)", "holds weak"),
+        "fitted": ("HOLDS (FITTED, NO EVIDENCE)", "holds weak fitted"),
     }
 
 
@@ -323,6 +323,9 @@ def test_where_ours_cannot_differ_the_page_says_why(dynnetslam: Paper, tmp_path:
     assert html.count(f"<b>{never}</b>") == 2 and any(never in line for line in page.lines)
     entry = html[html.index('id="v-dynnet.T2.enhanced.rtt60"') :].split("</tr>")[0]
     assert "0 (0/100)" in entry and "; no run of ours lost track" in entry
+    assert page.verdicts is not None
+    reported = paper_view.headline(page.verdicts, page.verdicts.columns[0])[0]
+    assert [li for item in reported.rest for li in item.single] == [f"in each of them {never}"]
     always, _ = shown({"conventional": [100] * 5, "static": [100] * 5})
     assert always["O04"] == "every run of ours lost track: nothing to compare"
     some, page = shown({"conventional": [60, 60, 60, 0, 0], "static": [5, 5, 5, 0, 0]})
@@ -451,6 +454,14 @@ def test_one_page_over_all_papers(
     for paper in papers:
         for contrast in (c for c in paper.contrasts if c.main):
             assert str(escape(contrast.says)) in html
+    head, *rows = re.findall("<tr>(.*?)</tr>", html.partition("</table>")[0], re.DOTALL)
+    assert "orderings played" in re.sub(r"\s+", " ", head)
+    cells = [re.findall("<td[^>]*>(?:<a[^>]*>)?([^<]*)", row) for row in rows]
+    of_paper = {row[1]: list(map(int, row[2:])) for row in cells if row[0] == "DynNetSLAM"}
+    assert set(of_paper) == {"virtual", "live"}
+    for played, hold, reverse, neither, printed, judged, reproduced in of_paper.values():
+        assert played == hold + reverse + neither and printed == 163 and reproduced <= judged
+    assert of_paper["virtual"][5] > 9 > of_paper["live"][5] == 0
     words = re.sub(r"<[^>]*>", " ", html.partition("</style>")[2])
     assert not re.search(r"\b[OC]\d\d\b", words)  # no code without its sentence
 
@@ -533,6 +544,31 @@ def test_a_number_that_only_the_other_kind_of_runs_has_is_not_called_not_played(
     assert any(line.startswith("not played yet; slambed") for line in reasons["virtual"])
     own = count_json([page.verdicts])["dynnetslam"]["without"]
     assert "live" not in own and own["not_played"] > 0
+
+
+def test_an_ordering_that_only_the_other_kind_of_runs_shows_is_counted_as_played_there(
+    dynnetslam: Paper,
+) -> None:
+    live = table_2({"static": PAPER_ENHANCED}, 100)
+    live.folder = Path("live_t2")
+    virtual = table_2({"conventional": PAPER_CONVENTIONAL}, 100, engine="virtual")
+    verdicts = compare_paper(dynnetslam, pool_of([live, virtual]))
+    column = verdicts.columns[1]
+    assert column.engine == "live"
+    said = [item.says for item in paper_view.headline(verdicts, column)[0].rest]
+    assert "1 was played in virtual time only" in said  # O05; O03 needs both variants
+    assert "16 have no number of ours" in said
+
+
+def test_the_headline_says_where_orderings_hold_on_few_frames(dynnetslam: Paper) -> None:
+    both = {"conventional": PAPER_CONVENTIONAL, "static": PAPER_ENHANCED}
+    results = table_2(both, 100)
+    for coverage, expected in ((0.148, True), (0.9, False)):
+        results.runs["coverage"] = coverage
+        verdicts = compare_paper(dynnetslam, pool_of([results]))
+        found = paper_view.headline(verdicts, verdicts.columns[0])[0]
+        words = "in each of those that hold our runs tracked at most 15 % of their frames"
+        assert (words in [item.says for item in found.rest]) == expected
 
 
 def test_a_paper_without_runs_has_a_page_too(tmp_path: Path) -> None:
