@@ -6,6 +6,8 @@ from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Literal, cast
 
+import pandas as pd
+
 from slambed.papers.fitted import OWN_DATA, SET_TO_MATCH, far_off
 from slambed.papers.lookup import MISSING_WORDS, Found, Missing, Pool
 from slambed.papers.margins import firm_contrasts, margin_of_cell, published_of
@@ -23,7 +25,9 @@ MARKS: dict[Mark, str] = {
     "R": "reproduced", "D": "differs", "I": "inconclusive", "N": "not run",
     "E": MISSING_WORDS["no_events"], "F": "fitted", "S": "stand-in", "P": "parameter or duplicate",
 }  # fmt: skip
-MARK_NAMES: dict[Mark, str] = MARKS | {"S": "substitute sequence"}
+MARK_NAMES: dict[Mark, str] = MARKS | {
+    "N": "no number of ours", "S": "substitute sequence",
+}  # fmt: skip
 """The same for readers; `MARKS` are also the headings of a table that scripts read."""
 NEVER_COUNTED: dict[Provenance, Mark] = {
     "fitted": "F", "same_data": "F", "stand_in": "S", "parameter": "P", "duplicate": "P",
@@ -149,8 +153,10 @@ class Judge:
         nothing = Measured(Found(None, None, why), NOTHING)
         return Judged(cell, provenance, not_run(why), nothing, why)
 
-    def _missing(self, cell: PublishedCell, missing: Missing, why: str) -> Judged:
-        nothing = Measured(Found(None, missing, why), NOTHING)
+    def _missing(
+        self, cell: PublishedCell, missing: Missing, why: str, runs: pd.DataFrame | None = None
+    ) -> Judged:
+        nothing = Measured(Found(runs, missing, why), NOTHING)
         return Judged(cell, "measured", not_run(why), nothing, why, missing)
 
     def _judged(self, cell: PublishedCell, note: str) -> Judged:
@@ -162,7 +168,8 @@ class Judge:
             verdict = self._value(cell, measured) if measured.there else not_run("")
         found = measured.found
         if not measured.there:
-            return self._missing(cell, found.missing or "too_few_runs", found.reason)
+            missing = found.missing or "too_few_runs"
+            return self._missing(cell, missing, found.reason, found.runs)
         provenance: Provenance = "measured"
         if cell.id in self.fitted:
             provenance = "fitted"

@@ -103,11 +103,12 @@ def values_of(
     if runs is None:
         return Measured(found, NOTHING)
     if (odd := _exposure(paper, metric, runs, conditions)) and not found.stand_in:
-        return Measured(Found(None, "too_few_runs", odd), NOTHING)
+        return Measured(replace(found, missing="too_few_runs", reason=odd), NOTHING)
     if metric.only_without_loss:
         runs = runs[runs["lost"].eq(False)]
         if not len(runs):
-            return Measured(Found(None, "too_few_runs", "every run lost track"), NOTHING)
+            all_lost = replace(found, missing="too_few_runs", reason="every run lost track")
+            return Measured(all_lost, NOTHING)
     runs = matching(runs, metric.only)
     if metric.reference is None:
         values = _values(pool, runs, metric)

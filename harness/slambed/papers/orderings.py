@@ -343,15 +343,15 @@ def _value(measured: Measured) -> str:
 OUTCOMES: dict[OrderKind, str] = {
     "holds": "hold", "reversed": "reversed", "not_seen": "not_seen", "too_few_runs": "inconclusive",
     "inconclusive": "inconclusive", "not_shown_by_paper": "unshown", "not_run": "waiting",
-    "half_run": "waiting", "no_events": "waiting", "no_number": "waiting",
+    "half_run": "half", "no_events": "waiting", "no_number": "waiting",
 }  # fmt: skip
 """Outcome of an ordering -> its group in the headline."""
 
 
 def outcome_of(item: JudgedOrdering) -> str:
     """Returns an ordering's group, for headlines: hold, reversed, in_part, not_seen,
-    inconclusive (with too few runs too), unshown (by the paper's own numbers), waiting (no runs of
-    ours) or fitted."""
+    inconclusive (with too few runs too), unshown (by the paper's own numbers), half (some of its
+    numbers are not run), waiting (no number of ours) or fitted."""
     group = OUTCOMES[item.kind]
     if item.provenance == "fitted" and group in ("hold", "reversed", "not_seen"):
         return "fitted"

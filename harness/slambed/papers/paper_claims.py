@@ -6,7 +6,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 from slambed.papers.codes import spelled
-from slambed.papers.compare import Column
+from slambed.papers.compare import Column, PaperVerdicts
+from slambed.papers.lookup import LIVE
 from slambed.papers.orderings import KINDS, JudgedOrdering, OrderKind, PairLine, outcome_of
 from slambed.papers.published import Paper, Provenance
 from slambed.papers.verdicts.model import MOST_RUNS, SEEN_POWER
@@ -137,19 +138,42 @@ HEADINGS = {
     "not_seen": "Not shown by ours",
     "inconclusive": "Inconclusive",
     "unshown": "Not shown by the paper's own numbers",
+    "half": "Not all run",
     "waiting": "No number of ours",
+    "live": "Played live only",
+    "virtual": "Played in virtual time only",
     "fitted": "Numbers were set to match",
 }
+NOT_BEGUN = ("waiting", "live", "virtual")
+"""Groups of orderings that this kind of engine did not play."""
 
 
-def claim_groups(column: Column) -> list[ClaimGroup]:
+def outcomes_in(verdicts: PaperVerdicts, column: Column) -> list[str]:
+    """Returns the group of each ordering (`outcome_of`) among runs of one kind of engine; `live` or
+    `virtual` where only the other kind played it."""
+    others = {
+        item.contrast.id: "live" if other.engine == LIVE else "virtual"
+        for other in verdicts.columns
+        for item in other.orderings
+        if other is not column and outcome_of(item) not in ("waiting", "half")
+    }
+    return [
+        others[item.contrast.id]
+        if item.contrast.id in others and not item.begun and outcome_of(item) == "waiting"
+        else outcome_of(item)
+        for item in column.orderings
+    ]
+
+
+def claim_groups(verdicts: PaperVerdicts, column: Column) -> list[ClaimGroup]:
     """Returns the main claims by outcome, with every further ordering that holds or is reversed,
     or of which ours show more than the paper's own numbers."""
     main = {line.anchor for line in claim_lines(column)}
     by_outcome: dict[str, list[ClaimLine]] = {}
     further: Counter[str] = Counter()
-    for item, line in zip(column.orderings, claim_lines(column, every=True), strict=True):
-        outcome = outcome_of(item)
+    lines = claim_lines(column, every=True)
+    outcomes = outcomes_in(verdicts, column)
+    for item, line, outcome in zip(column.orderings, lines, outcomes, strict=True):
         told = outcome in ("hold", "reversed", "in_part") or item.unshown in ("holds", "reversed")
         if line.anchor in main or told:
             by_outcome.setdefault(outcome, []).append(line)

@@ -22,7 +22,13 @@ from slambed.papers.environment import environment
 from slambed.papers.figures import drawn_figures
 from slambed.papers.judged import MARK_NAMES, MARKS, Judged
 from slambed.papers.lookup import Pool, pool_of
-from slambed.papers.paper_claims import claim_groups, claims_per_engine, definitions, text_lines
+from slambed.papers.paper_claims import (
+    NOT_BEGUN,
+    claim_groups,
+    claims_per_engine,
+    definitions,
+    text_lines,
+)
 from slambed.papers.paper_view import (
     MARK_WORDS,
     bar,
@@ -112,8 +118,8 @@ def write_overview(
                     "headline": headline(v, c),
                     "groups": [
                         group
-                        for group in claim_groups(c)
-                        if group.outcome != "waiting" or not plays_a_part(v, c)
+                        for group in claim_groups(v, c)
+                        if group.outcome not in NOT_BEGUN or not plays_a_part(v, c)
                     ],
                     "whole": bar("all numbers", "", c, list(c.rows)),
                     "strip": strip_svg(

@@ -3,7 +3,6 @@
 runs."""
 
 from collections import Counter
-from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
 
@@ -18,12 +17,11 @@ from slambed.papers.beside import beside
 from slambed.papers.codes import spelled
 from slambed.papers.compare import Column, PaperVerdicts
 from slambed.papers.fitted import OWN_DATA, SET_TO_MATCH
-from slambed.papers.judged import MARKS, Judged, Mark
+from slambed.papers.judged import MARK_NAMES, MARKS, Judged, Mark
 from slambed.papers.kept import no_runs_words
-from slambed.papers.lookup import LIVE
-from slambed.papers.orderings import JudgedOrdering, outcome_of
+from slambed.papers.orderings import JudgedOrdering
 from slambed.papers.origin import origin_words
-from slambed.papers.paper_claims import claim_lines
+from slambed.papers.paper_claims import claim_lines, outcomes_in
 from slambed.papers.paper_runs import experiments_of
 from slambed.papers.published import Paper, PublishedTable
 from slambed.papers.published.paper_plan import read_plan
@@ -31,11 +29,10 @@ from slambed.papers.reasons import REASON_WORDS, Reason, count, reason_of
 from slambed.papers.registered import PlanLine, experiments_behind, plan_lines, plan_words
 from slambed.report.load import Results
 
-MARK_WORDS: dict[Mark, str] = MARKS | {
+MARK_WORDS: dict[Mark, str] = MARK_NAMES | {
     "F": "fitted: set to match, no evidence",
     "S": "substitute sequence: played instead of the paper's, shown and not judged",
     "E": "run, but kept without events",
-    "N": "no number of ours",
 }
 """Words for the legend."""
 NO_DETAILS: dict[Reason | None, str] = {
@@ -44,7 +41,8 @@ NO_DETAILS: dict[Reason | None, str] = {
 """Reasons that are the same for all their numbers."""
 REASONS = 3
 SHOWN_CLAIMS = 4
-NO_OTHERS: Mapping[str, str] = {}
+Outcome = tuple[JudgedOrdering, str]
+"""An ordering and its group."""
 
 
 @dataclass(frozen=True)
@@ -291,7 +289,8 @@ def _begun(column: Column) -> int:
 def _of_a_part(verdicts: PaperVerdicts, column: Column) -> list[Headline]:
     """Returns what was learnt with a kind of engine that played less than the other one: nothing is
     said of what it did not play."""
-    played = [item for item in column.orderings if item.begun]
+    pairs = zip(column.orderings, outcomes_in(verdicts, column), strict=True)
+    played = [(item, group) for item, group in pairs if item.begun]
     groups = count(verdicts, column).groups
     ours = groups["judged"] + groups["beside"] + groups["fitted"]
     has, it = ("has", "it") if ours == 1 else ("have", "them")
@@ -311,7 +310,10 @@ OUTCOME_WORDS: dict[str, tuple[str, str]] = {
         "is not shown by the paper's own numbers",
         "are not shown by the paper's own numbers",
     ),
+    "half": ("is not all run", "are not all run"),
     "waiting": ("has no number of ours", "have no number of ours"),
+    "live": ("was played live only", "were played live only"),
+    "virtual": ("was played in virtual time only", "were played in virtual time only"),
     "fitted": ("compares numbers set to match", "compare numbers set to match"),
 }
 """Group -> singular and plural."""
@@ -319,18 +321,13 @@ OUTCOME_WORDS: dict[str, tuple[str, str]] = {
 
 def _orderings(verdicts: PaperVerdicts, column: Column) -> list[Headline]:
     """Returns one headline per kind of sequences: the paper's own, others."""
-    by_place: dict[str, list[JudgedOrdering]] = {}
-    for item in sorted(column.orderings, key=lambda item: bool(item.stand_ins)):
-        by_place.setdefault("substitute" if item.stand_ins else "own", []).append(item)
-    if "own" in by_place and not any(o.begun for o in by_place["own"]):
+    pairs = zip(column.orderings, outcomes_in(verdicts, column), strict=True)
+    by_place: dict[str, list[Outcome]] = {}
+    for pair in sorted(pairs, key=lambda pair: bool(pair[0].stand_ins)):
+        by_place.setdefault("substitute" if pair[0].stand_ins else "own", []).append(pair)
+    if "own" in by_place and not any(item.begun for item, _ in by_place["own"]):
         by_place.setdefault("substitute", []).extend(by_place.pop("own"))
-    others = {
-        item.contrast.id: "live" if other.engine == LIVE else "in virtual time"
-        for other in verdicts.columns
-        for item in other.orderings
-        if other is not column and outcome_of(item) != "waiting"
-    }
-    return [_outcomes(own, others=others) for own in by_place.values()]
+    return [_outcomes(own) for own in by_place.values()]
 
 
 def _place(items: list[JudgedOrdering]) -> str:
@@ -356,45 +353,38 @@ def is_generated(dataset: str) -> bool:
     return recipe.synthetic is not None or bool(recipe.window_of and is_generated(recipe.window_of))
 
 
-def _outcomes(
-    items: list[JudgedOrdering], which: str = "", others: Mapping[str, str] = NO_OTHERS
-) -> Headline:
+def _outcomes(pairs: list[Outcome], which: str = "") -> Headline:
     """Returns `On generated sequences 11 of 24 orderings hold.`, and the other outcomes; `which`
-    follows the word "ordering", `others` says how orderings were played on another kind of
-    engine."""
+    follows the word "ordering"."""
     by_group: dict[str, list[JudgedOrdering]] = {group: [] for group in OUTCOME_WORDS}
-    elsewhere: Counter[str] = Counter()
-    for item in items:
-        if (group := outcome_of(item)) == "waiting" and item.contrast.id in others:
-            elsewhere[others[item.contrast.id]] += 1
-        else:
-            by_group[group].append(item)
-    counts = {group: len(own) for group, own in by_group.items()}
+    for item, group in pairs:
+        by_group[group].append(item)
     rest = [
-        CountLine(f"{counts[group]} {words[counts[group] > 1]}", _single(group, by_group[group]))
-        for group, words in OUTCOME_WORDS.items()
-        if counts[group] and group != "hold"
-    ]
-    rest += [
-        CountLine(f"{number} {'was' if number == 1 else 'were'} played {how} only")
-        for how, number in elsewhere.items()
+        CountLine(f"{len(own)} {OUTCOME_WORDS[group][len(own) > 1]}", _further(group, own))
+        for group, own in by_group.items()
+        if own and group != "hold"
     ]
     if little := _little_tracked(by_group["hold"]):
         rest.insert(0, CountLine(little))
-    holding = f"{counts['hold'] or 'none'} of {_many(len(items), 'ordering')}{which}"
-    if len(items) == 1:
-        holding = f"{'one' if counts['hold'] else 'no'} ordering{which}"
-    return Headline(f"{_place(items)} {holding} {'hold' if counts['hold'] > 1 else 'holds'}.", rest)
+    held = len(by_group["hold"])
+    holding = f"{held or 'none'} of {_many(len(pairs), 'ordering')}{which}"
+    if len(pairs) == 1:
+        holding = f"{'one' if held else 'no'} ordering{which}"
+    place = _place([item for item, _ in pairs])
+    return Headline(f"{place} {holding} {'hold' if held > 1 else 'holds'}.", rest)
 
 
-def _single(group: str, items: list[JudgedOrdering]) -> list[str]:
-    """Returns what a reader has to know of the orderings of one group."""
+def _further(group: str, items: list[JudgedOrdering]) -> list[str]:
+    """Returns lines below the count of a group: what ours show of orderings that the paper's own
+    numbers do not show, and in how many orderings ours cannot differ."""
     if group == "unshown":
         return _unshown(items)
     if group not in ("not_seen", "inconclusive"):
         return []
     counts = Counter(item.floor for item in items if item.cannot_differ)
-    return [_of_them(number, len(items), text) for text, number in counts.items()]
+    if len(items) == 1:
+        return list(counts)
+    return [f"{_in_how_many(n, items)} of them: {text}" for text, n in counts.items()]
 
 
 def _little_tracked(items: list[JudgedOrdering]) -> str:
@@ -403,17 +393,14 @@ def _little_tracked(items: list[JudgedOrdering]) -> str:
     shares = [item.most_tracked for item in items if item.little_tracked]
     if not shares:
         return ""
-    which = "in each" if len(shares) == len(items) else f"in {len(shares)}"
-    return (
-        f"{which} of those that hold our runs tracked at most {100 * max(shares):.0f} % of their "
-        "frames"
-    )
+    which = f"{_in_how_many(len(shares), items)} of those that hold"
+    if len(items) == 1:
+        which = "where it holds"
+    return f"{which} our runs tracked at most {100 * max(shares):.0f} % of their frames"
 
 
-def _of_them(number: int, every: int, text: str) -> str:
-    if every == 1:
-        return text
-    return f"in {'each' if number == every else number} of them {text}"
+def _in_how_many(number: int, items: list[JudgedOrdering]) -> str:
+    return "in each" if number == len(items) else f"in {number}"
 
 
 def _unshown(items: list[JudgedOrdering]) -> list[str]:
@@ -467,24 +454,38 @@ class SummaryRow:
     id: str
     name: str
     runs: str
-    numbers: list[int]
-    """Orderings played, that hold, are reversed, neither; numbers printed, judged, reproduced."""
+    orderings: int
+    """Orderings that were played, in full or in part; the next three add up to them."""
+    hold: int
+    reversed: int
+    neither: int
+    numbers: int
+    """Numbers that the paper prints."""
+    judged: int
+    reproduced: int
 
 
 def summary_rows(verdicts: PaperVerdicts) -> list[SummaryRow]:
-    """Returns one line for each kind of engine that played something."""
+    """Returns one line for each kind of engine; one of zeros if nothing was played."""
     found = []
     for column in verdicts.columns:
-        outcomes = Counter(outcome_of(item) for item in column.orderings if item.begun)
-        del outcomes["waiting"]
+        pairs = zip(column.orderings, outcomes_in(verdicts, column), strict=True)
+        outcomes = Counter(group for item, group in pairs if item.begun)
         hold, reverse = outcomes["hold"], outcomes["reversed"] + outcomes["in_part"]
-        marks = Counter(row.mark for row in column.rows.values())
-        judged = count(verdicts, column).groups["judged"]
-        numbers = [outcomes.total(), hold, reverse, outcomes.total() - hold - reverse]
-        numbers += [len(column.rows), judged, marks["R"]]
-        name, _, _ = verdicts.paper.paper.title.partition(":")
-        runs = column.engine or "none"
-        found.append(SummaryRow(verdicts.paper.id, name, runs, numbers))
+        found.append(
+            SummaryRow(
+                id=verdicts.paper.id,
+                name=verdicts.paper.paper.title.partition(":")[0],
+                runs=column.engine or "none",
+                orderings=outcomes.total(),
+                hold=hold,
+                reversed=reverse,
+                neither=outcomes.total() - hold - reverse,
+                numbers=len(column.rows),
+                judged=count(verdicts, column).groups["judged"],
+                reproduced=column.marks(list(column.rows))["R"],
+            )
+        )
     return found
 
 

@@ -24,8 +24,8 @@ REASON_WORDS: dict[Reason, str] = {
     "not_measured": "not measured here",
     "not_played": "not played yet",
     "no_events": "played, events not kept",
-    "live": "played live",
-    "virtual": "played in virtual time",
+    "live": "played live only",
+    "virtual": "played in virtual time only",
 }
 COUNTED: dict[Reason, str] = {
     reason: words for reason, words in REASON_WORDS.items() if reason not in ("live", "virtual")
@@ -54,10 +54,13 @@ def reason_of(verdicts: PaperVerdicts, column: Column, row: Judged) -> Reason | 
         return None
     if (declared := row.cell.comparability.reason) is not None:
         return declared
-    if row.missing in ("no_system", "no_metric"):
-        return "not_measured"
-    if (other := _other_kind(verdicts, column, row)) is not None:
+    here = row.measured.found.runs is not None
+    other = _other_kind(verdicts, column, row)
+    if other is not None and (row.missing == "no_metric" or not here):
         return other
+    # Runs from which the number cannot be had, such as runs that all lost track.
+    if here or row.missing in ("no_system", "no_metric"):
+        return "not_measured"
     dataset = verdicts.paper.datasets.get(str(row.cell.conditions.get("dataset")))
     if dataset is None or dataset.stand_in:
         return "not_played"

@@ -41,9 +41,9 @@ def waited(runs: pd.DataFrame, samples: Samples) -> Iterator[str]:
         yield (
             f"{cell}: in {len(found)} of {sizes[cell]} runs the mobile node waited for a processor "
             f"for more than {100 * WAIT_SHARE:.0f} % of the time in which it wanted one: the host "
-            "was busy, or its own threads waited for each other under the limits of its device; "
-            f"most {_most(found, samples)}; they count as valid unless the experiment sets "
-            "tolerances.cpu_wait_share_max"
+            "was busy, so that stages took longer than on the device, or the node's own threads "
+            f"waited for each other under its limits; most {_most(found, samples)}; they count as "
+            "valid unless the experiment sets tolerances.cpu_wait_share_max"
         )
 
 

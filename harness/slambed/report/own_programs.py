@@ -27,8 +27,13 @@ def program_fact(manifest: Manifest) -> dict[str, object]:
 
 
 def program_lines(runs: pd.DataFrame) -> list[str]:
-    """Returns one sentence for each system and each of its programs."""
+    """Returns one sentence for each system and each of its programs, with the number of runs unless
+    all runs of the system had it."""
     if COLUMN not in runs:
         return []
-    pairs = runs[["system", COLUMN]].dropna().drop_duplicates()
-    return [f"{system} runs with {text}." for system, text in pairs.itertuples(index=False)]
+    found = []
+    for (system, text), own in runs.groupby(["system", COLUMN], sort=False):
+        every = int((runs["system"] == system).sum())
+        of = "" if len(own) == every else f" in {len(own)} of {every} runs"
+        found.append(f"{system} runs with {text}{of}.")
+    return found

@@ -52,18 +52,20 @@ def setup_lines(results: Results, times: list[ComputeTime]) -> list[str]:
 
 
 def _hosts(results: Results) -> list[str]:
-    """Returns a sentence about the processors of live runs, with the numbers of runs if there are
-    several."""
+    """Returns a sentence about the processors of live runs, with the numbers of runs unless all
+    were made on the same."""
     live = results.runs[~results.runs["engine"].eq(VIRTUAL)]
     known = [results.facts_of.get(str(key), {}) for key in live["run_key"]]
-    counts = Counter(
-        f"{facts['cores']} cores of {facts['cpu_model']}" for facts in known if facts.keys() >= HOST
-    )
+    counts = Counter(_host(facts) for facts in known if facts.keys() >= HOST)
     if not counts:
         return []
-    several = len(counts) > 1
-    parts = [f"{host} ({_runs(count)})" if several else host for host, count in counts.items()]
+    whole = list(counts.values()) == [len(live)]
+    parts = [host if whole else f"{host} ({_runs(count)})" for host, count in counts.items()]
     return [f"Host: {'; '.join(parts)}."]
+
+
+def _host(facts: dict[str, str]) -> str:
+    return f"{facts['cores']} core{'' if facts['cores'] == '1' else 's'} of {facts['cpu_model']}"
 
 
 def _runs(count: int) -> str:

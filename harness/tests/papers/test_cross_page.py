@@ -79,6 +79,26 @@ def test_the_headline_is_computed() -> None:
     ]
 
 
+def test_of_few_runs_none_may_be_lost_and_a_few_names_are_told() -> None:
+    def said(losses: dict[str, int]) -> str:
+        (line,) = takeaway(cells_of_runs(results_of(losses, runs=3)))
+        return line
+
+    assert said({"A": 0, "B": 1}).startswith("In 6 of 8 combinations no run loses track. ")
+    assert "2 of 3 variants never lose it (A and B). C loses" in said({"A": 0, "B": 0, "C": 1})
+    many = {"A": 0, "B": 0, "C": 0, "D": 1}
+    assert "3 of 4 variants never lose it. D loses" in said(many)
+
+
+def test_a_dot_at_the_upper_end_is_inside_its_picture() -> None:
+    results = results_of({"A": 0})
+    results.runs["ate_rmse_m"] = 5.0
+    svg = str(cell_svg(cells_of_runs(results), list(LINKS), list(BOARDS)))
+    top = float(re.findall(r'viewBox="\S+ (\S+)', svg)[0])
+    centers = [float(y) for y in re.findall(r'cy="(\S+)" r="3.4"', svg)]
+    assert centers and min(centers) - 3.4 >= top
+
+
 def test_what_was_not_measured_is_not_shown_as_none(tmp_path: Path) -> None:
     results = results_of({"A": 2, "B": 0})
     runs = results.runs.astype({"track_losses": object})

@@ -24,7 +24,7 @@ from slambed.papers.paper_claims import claim_groups, claim_lines, in_short
 from slambed.papers.paper_page import PaperPage, write_overview, write_paper_page
 from slambed.papers.paper_view import terminal_lines
 from slambed.papers.published import Paper, cells_of, read_papers
-from slambed.papers.reasons import count_json, count_table
+from slambed.papers.reasons import count_json, count_table, reason_of
 from slambed.papers.strip import strip_svg
 from slambed.papers.verdicts.means import Kind, judge_mean
 from slambed.papers.verdicts.model import Mean
@@ -277,8 +277,10 @@ def test_what_the_paper_does_not_show_does_not_hide_what_ours_show(
         page = write_paper_page(paper, [table_2(lost, 100)], tmp_path / name)
         assert page.verdicts is not None
         column = page.verdicts.columns[0]
-        groups = {g.outcome: [line.pairs for line in g.lines] for g in claim_groups(column)}
-        listed = sum(len(g.lines) + g.more for g in claim_groups(column))
+        groups = {
+            g.outcome: [line.pairs for line in g.lines] for g in claim_groups(page.verdicts, column)
+        }
+        listed = sum(len(g.lines) + g.more for g in claim_groups(page.verdicts, column))
         assert listed == len(column.orderings), "every ordering is listed or counted"
         assert column.orderings[1].kind == "not_shown_by_paper"
         html = page.html.read_text()
@@ -325,7 +327,7 @@ def test_where_ours_cannot_differ_the_page_says_why(dynnetslam: Paper, tmp_path:
     assert "0 (0/100)" in entry and "; no run of ours lost track" in entry
     assert page.verdicts is not None
     reported = paper_view.headline(page.verdicts, page.verdicts.columns[0])[0]
-    assert [li for item in reported.rest for li in item.single] == [f"in each of them {never}"]
+    assert [li for item in reported.rest for li in item.single] == [f"in each of them: {never}"]
     always, _ = shown({"conventional": [100] * 5, "static": [100] * 5})
     assert always["O04"] == "every run of ours lost track: nothing to compare"
     some, page = shown({"conventional": [60, 60, 60, 0, 0], "static": [5, 5, 5, 0, 0]})
@@ -539,11 +541,30 @@ def test_a_number_that_only_the_other_kind_of_runs_has_is_not_called_not_played(
     for column in page.verdicts.columns:
         gaps = paper_view.why_not(page.verdicts, column)
         reasons[column.engine] = [line.split(": ", 1)[1] for line in (*gaps.reasons, *gaps.rest)]
-    assert "played in virtual time" in reasons["live"]
-    assert "played live" not in reasons["virtual"] + reasons["live"]
+    assert "played in virtual time only" in reasons["live"]
+    assert "played live only" not in reasons["virtual"] + reasons["live"]
     assert any(line.startswith("not played yet; slambed") for line in reasons["virtual"])
     own = count_json([page.verdicts])["dynnetslam"]["without"]
     assert "live" not in own and own["not_played"] > 0
+
+
+def test_runs_that_all_lost_track_were_played(dynnetslam: Paper) -> None:
+    """The other kind of runs has the number; that is not why this one has none."""
+    both = {"conventional": PAPER_CONVENTIONAL, "static": PAPER_ENHANCED}
+    live, virtual = table_2(both, 100), table_2(both, 100, engine="virtual")
+    live.folder = Path("live_t2")
+    for results in (live, virtual):
+        results.runs["ate_rmse_m"] = 0.01
+    virtual.runs["lost"] = True
+    verdicts = compare_paper(dynnetslam, pool_of([live, virtual]))
+    column = verdicts.columns[0]
+    assert column.engine == "virtual"
+    reasons = {
+        (reason_of(verdicts, column, row), row.why)
+        for row in column.rows.values()
+        if row.why == "every run lost track"
+    }
+    assert reasons == {("not_measured", "every run lost track")}
 
 
 def test_an_ordering_that_only_the_other_kind_of_runs_shows_is_counted_as_played_there(
@@ -556,8 +577,16 @@ def test_an_ordering_that_only_the_other_kind_of_runs_shows_is_counted_as_played
     column = verdicts.columns[1]
     assert column.engine == "live"
     said = [item.says for item in paper_view.headline(verdicts, column)[0].rest]
-    assert "1 was played in virtual time only" in said  # O05; O03 needs both variants
-    assert "16 have no number of ours" in said
+    assert "1 was played in virtual time only" in said  # O05
+    assert "2 are not all run" in said  # O03 and another one need both variants
+    assert "14 have no number of ours" in said
+    groups = {g.heading: g for g in claim_groups(verdicts, column)}
+    only = groups["Played in virtual time only"]
+    assert len(only.lines) + only.more == 1
+    listed = groups["Not all run"]
+    assert len(listed.lines) + listed.more == 2
+    (row,) = [row for row in paper_view.summary_rows(verdicts) if row.runs == "live"]
+    assert (row.orderings, row.hold, row.neither) == (3, 1, 2)
 
 
 def test_the_headline_says_where_orderings_hold_on_few_frames(dynnetslam: Paper) -> None:
@@ -567,8 +596,9 @@ def test_the_headline_says_where_orderings_hold_on_few_frames(dynnetslam: Paper)
         results.runs["coverage"] = coverage
         verdicts = compare_paper(dynnetslam, pool_of([results]))
         found = paper_view.headline(verdicts, verdicts.columns[0])[0]
+        said = [item.says for item in found.rest if "our runs tracked" in item.says]
         words = "in each of those that hold our runs tracked at most 15 % of their frames"
-        assert (words in [item.says for item in found.rest]) == expected
+        assert said == ([words] if expected else [])
 
 
 def test_a_paper_without_runs_has_a_page_too(tmp_path: Path) -> None:

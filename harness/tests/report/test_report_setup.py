@@ -84,15 +84,32 @@ def test_a_footnote_names_packages_files_and_host(tmp_path: Path) -> None:
 
 
 def test_several_hosts_are_named_with_their_runs(tmp_path: Path) -> None:
-    def run(repetition: int, cpu: str, engine: str = "local") -> tuple[object, RawRun]:
-        facts = {"cores": 2, "cpu_model": cpu}
+    def run(repetition: int, cpu: str | None, engine: str = "local") -> tuple[object, RawRun]:
+        facts = {"cores": 1 if cpu == "A" else 2, "cpu_model": cpu} if cpu else {"cpu_model": None}
         spec = spec_of("orbslam2", "default", None, repetition, engine=engine)
         return spec, RawRun(duration_s=4.0, edge=False, manifest=facts)
 
     folder = write_experiment(
         tmp_path, [run(0, "A"), run(1, "B"), run(2, "B"), run(3, "C", "virtual")]
     )
-    assert "Host: 2 cores of A (1 run); 2 cores of B (2 runs)." in setup_of(folder)
+    assert "Host: 1 core of A (1 run); 2 cores of B (2 runs)." in setup_of(folder)
+    one = write_experiment(tmp_path / "one", [run(0, "A"), run(1, None)])
+    assert "Host: 1 core of A (1 run)." in setup_of(one)
+
+
+def test_two_versions_of_a_package_are_told_with_their_runs(tmp_path: Path) -> None:
+    def run(repetition: int, version: str) -> tuple[object, RawRun]:
+        runtime = {"mobile": {"command": ["python3", "run.py"]}}
+        spec = spec_of("theirs", "default", None, repetition, runtime=runtime)
+        packages = {"python_packages": {"a": version}} if version else {}
+        return spec, RawRun(duration_s=4.0, edge=False, manifest=packages)
+
+    folder = write_experiment(tmp_path, [run(0, "1.0"), run(1, "1.0"), run(2, "2.0"), run(3, "")])
+    lines = [line for line in setup_of(folder) if " runs with " in line]
+    assert lines == [
+        "theirs runs with a 1.0 in 2 of 4 runs.",
+        "theirs runs with a 2.0 in 1 of 4 runs.",
+    ]
 
 
 def test_a_system_that_nothing_can_hold_up_is_not_told_to_be_held_up() -> None:
