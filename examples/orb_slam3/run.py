@@ -22,15 +22,41 @@ WITHOUT_MAP = {
 }
 
 
+def camera_of(client: Client, number: int) -> dict[str, float]:
+    """Returns the settings of one camera. Both cameras of a rectified pair are the same."""
+    # Pictures of two cameras are rectified already, and have no distortion.
+    distortion = (0.0,) * 5 if client.sensor == "stereo" else client.distortion
+    names = ("fx", "fy", "cx", "cy", "k1", "k2", "p1", "p2", "k3")
+    values = (client.fx, client.fy, client.cx, client.cy, *distortion)
+    return {
+        f"Camera{number}.{name}": value
+        for name, value in zip(names, values, strict=True)
+        if value or name != "k3"
+    }
+
+
+def second_camera(baseline_m: float) -> np.ndarray:
+    """Returns the pose of the right camera in the left one."""
+    T_c1_c2 = np.eye(4)
+    T_c1_c2[0, 3] = baseline_m
+    return T_c1_c2
+
+
+def matrix_as_text(matrix: np.ndarray) -> str:
+    """Returns a matrix as OpenCV's YAML has it."""
+    rows, columns = matrix.shape
+    numbers = ", ".join(repr(float(value)) for value in matrix.ravel())
+    head = f"!!opencv-matrix\n   rows: {rows}\n   cols: {columns}\n   dt: f\n"
+    return f"{head}   data: [{numbers}]"
+
+
 def settings_of(client: Client) -> str:
     """Returns the settings file for the camera of this run."""
     lines = {
         "File.version": '"1.0"',
-        "Camera.type": '"Rectified"' if client.sensor == "stereo" else '"PinHole"',
-        "Camera1.fx": client.fx,
-        "Camera1.fy": client.fy,
-        "Camera1.cx": client.cx,
-        "Camera1.cy": client.cy,
+        # The package ends with a segmentation fault on "Rectified", ORB_SLAM3's issue 677.
+        "Camera.type": '"PinHole"',
+        **camera_of(client, 1),
         "Camera.width": client.width,
         "Camera.height": client.height,
         "Camera.fps": max(1, round(client.fps)),
@@ -52,18 +78,14 @@ def settings_of(client: Client) -> str:
         "Viewer.ViewpointZ": -1.8,
         "Viewer.ViewpointF": 500.0,
     }
-    if client.sensor != "stereo":
-        k1, k2, p1, p2, k3 = client.distortion
-        lines |= {"Camera1.k1": k1, "Camera1.k2": k2, "Camera1.p1": p1, "Camera1.p2": p2}
-        if k3:
-            lines["Camera1.k3"] = k3
     if client.sensor != "mono":
-        lines |= {
-            "Stereo.ThDepth": client.params["th_depth"],
-            "Stereo.b": client.bf / client.fx,
-        }
+        lines["Stereo.ThDepth"] = client.params["th_depth"]
     if client.sensor == "rgbd":
+        lines["Stereo.b"] = client.bf / client.fx
         lines["RGBD.DepthMapFactor"] = 1.0 / client.depth_unit_m
+    if client.sensor == "stereo":
+        lines |= camera_of(client, 2)
+        lines["Stereo.T_c1_c2"] = matrix_as_text(second_camera(client.bf / client.fx))
     # OpenCV tells real numbers from integers by the point.
     text = {k: repr(float(v)) if isinstance(v, float) else v for k, v in lines.items()}
     return "%YAML:1.0\n" + "".join(f"{key}: {value}\n" for key, value in text.items())

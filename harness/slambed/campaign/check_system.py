@@ -11,7 +11,7 @@ import tempfile
 import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
@@ -225,25 +225,60 @@ def check_system(named: str, library: Library, notify: Callable[[str], None]) ->
         versions = ", ".join(f"{name} {v}" for name, v in installed.versions.items())
         found.report(True, f"its Python packages are installed: {versions}")
     with tempfile.TemporaryDirectory(prefix="slambed-check-") as place:
-        sequence = _generate(system.sensors[0], Path(place) / "sequence")
-        reads = system.runtime.reads
-        recording = None
-        if reads is not None:
-            prepared = PreparedSequence.open(sequence)
-            recording = Recording.of(prepared, Playback(), reads, Path(place))
-            recording.folder()
+        first, *others = system.sensors
+        trial = _trial(system, folder, first, Path(place))
+        if trial.recording is not None:
+            reads = system.runtime.reads
             found.report(True, f"is given {FRAMES} frames as a folder of layout {reads}")
-        trial = Trial(system, folder, sequence, Path(place) / "run", recording)
         with trial.started():
             if _begins(trial, found):
                 _plays(trial, found)
         if not found.good:
             found.printed = trial.printed()
-        again = Trial(system, folder, sequence, Path(place) / "stopped", recording)
+        again = replace(trial, run_dir=Path(place) / "stopped", nodes={})
         if found.good:
             with again.started():
                 _stops(again, found)
+        for sensor in others:
+            if found.good:
+                _plays_another(_trial(system, folder, sensor, Path(place)), sensor, found)
     return found
+
+
+def _trial(system: System, folder: Path, sensor: str, place: Path) -> Trial:
+    """Generates frames of a sensor for one start of the system."""
+    assert system.runtime is not None
+    own = place / sensor
+    own.mkdir()
+    sequence = _generate(sensor, own / "sequence")
+    recording = None
+    if system.runtime.reads is not None:
+        prepared = PreparedSequence.open(sequence)
+        recording = Recording.of(prepared, Playback(), system.runtime.reads, own)
+        recording.folder()
+    return Trial(system, folder, sequence, own / "run", recording)
+
+
+def _plays_another(trial: Trial, sensor: str, found: Checked) -> None:
+    """Checks that a further sensor of the system is played to the end. How good its path is stays
+    open: one camera may need more frames for its first map."""
+    assert trial.system.runtime is not None
+    line = f"sensor {sensor}: plays to the end, and answers every frame"
+    with trial.started():
+        if not trial.ready():
+            found.report(False, f"{line}: not ready, {trial.last_words('mobile')}")
+        else:
+            trial.start_clock()
+            code = trial.code("mobile", FRAMES / FPS + END_PATIENCE_S)
+            frames = [e for e in trial.events() if e["type"] == "frame_tracked"]
+            answered = sum("track_ms" in e for e in frames)
+            every = answered == FRAMES or not trial.system.runtime.has_client("mobile")
+            why = "" if every else f": {answered} of {FRAMES} answered"
+            if code != 0:
+                why = f": {_how_it_ended(code)}, {trial.last_words('mobile')}"
+            found.report(code == 0 and every, line + why)
+    if not found.good:
+        found.printed = trial.printed()
 
 
 def _how_it_ended(code: int | None) -> str:

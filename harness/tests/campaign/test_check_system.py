@@ -88,6 +88,25 @@ def test_the_skeleton_keeps_the_contract(system: Path) -> None:
     assert red_lines(system) == []
 
 
+def test_every_sensor_is_played(system: Path) -> None:
+    """A package may end at the settings of two cameras and play depth well."""
+    text = system.read_text()
+    assert "sensors: [rgbd]" in text
+    system.write_text(text.replace("sensors: [rgbd]", "sensors: [rgbd, mono, stereo]"))
+    assert red_lines(system) == []
+    program = system.with_name("run.py")
+    breaks = '    if client.sensor == "stereo":\n        raise ValueError("no second camera")\n'
+    program.write_text(
+        program.read_text().replace("    client.ready()\n", breaks + "    client.ready()\n")
+    )
+    code, out, _ = slambed("check-system", str(system))
+    assert code == 1
+    plays = "plays to the end, and answers every frame"
+    assert f"ok  sensor mono: {plays}\n" in out
+    assert f"no  sensor stereo: {plays}: not ready, ValueError: no second camera\n" in out
+    assert "last lines that the mobile program printed" in out and "Traceback" in out
+
+
 def test_the_skeleton_of_a_program_that_reads_a_folder_keeps_the_contract(tmp_path: Path) -> None:
     new = ("new", "system", "fresh", "--reads-folder", "--folder", str(tmp_path))
     code, out, _ = slambed(*new)

@@ -3,12 +3,14 @@
 package."""
 
 import importlib.util
+import re
 import subprocess
 import sys
 from pathlib import Path
 from types import ModuleType
 from unittest.mock import MagicMock, Mock
 
+import numpy as np
 import pytest
 
 from slambed.errors import SlambedError
@@ -81,6 +83,39 @@ def adapter(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> ModuleType:
     module = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(module)
     return module
+
+
+def settings_for(adapter: ModuleType, sensor: str) -> dict[str, str]:
+    client = Mock(
+        sensor=sensor, fx=500.0, fy=510.0, cx=320.0, cy=240.0, bf=40.0, width=640, height=480,
+        fps=30.0, distortion=np.array([0.1, -0.2, 0.0, 0.0, 0.0]), depth_unit_m=0.001,
+        params={"n_orb": 1000, "th_depth": 40.0},
+    )  # fmt: skip
+    text = adapter.settings_of(client)
+    assert text.startswith("%YAML:1.0\n")
+    return dict(re.findall(r"^([\w.]+): (.*(?:\n   .*)*)", text, re.MULTILINE))
+
+
+def test_two_cameras_are_both_named(adapter: ModuleType) -> None:
+    """The package ends with a segmentation fault on a pair that is called rectified."""
+    found = settings_for(adapter, "stereo")
+    assert found["Camera.type"] == '"PinHole"' and "Stereo.b" not in found
+    for name in ("fx", "fy", "cx", "cy", "k1", "k2", "p1", "p2"):
+        assert found[f"Camera1.{name}"] == found[f"Camera2.{name}"]
+    assert found["Camera2.fx"] == "500.0" and found["Camera2.k1"] == "0.0"
+    numbers = re.findall(r"data: \[(.*)\]", found["Stereo.T_c1_c2"])[0].split(", ")
+    expected = np.eye(4)
+    expected[0, 3] = 0.08  # the right camera is on the right
+    assert np.allclose(np.array(numbers, dtype=float).reshape(4, 4), expected)
+
+
+def test_depth_and_one_camera_have_their_settings(adapter: ModuleType) -> None:
+    depth, mono = settings_for(adapter, "rgbd"), settings_for(adapter, "mono")
+    assert depth["Stereo.b"] == "0.08" and depth["RGBD.DepthMapFactor"] == "1000.0"
+    assert mono["Camera1.k1"] == "0.1" and "Camera1.k3" not in mono
+    for found in (depth, mono):
+        assert not any(name.startswith("Camera2.") for name in found)
+    assert not any(name.startswith(("Stereo.", "RGBD.")) for name in mono)
 
 
 def test_a_frame_that_was_not_tracked_gets_no_final_pose(adapter: ModuleType) -> None:
