@@ -3,7 +3,9 @@
 package."""
 
 import importlib.util
+import os
 import re
+import signal
 import subprocess
 import sys
 from pathlib import Path
@@ -83,6 +85,16 @@ def adapter(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> ModuleType:
     module = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(module)
     return module
+
+
+def test_a_crash_while_the_path_is_saved_costs_only_the_corrections(
+    adapter: ModuleType, capfd: pytest.CaptureFixture[str]
+) -> None:
+    slam, client = Mock(), Mock()
+    slam.save_trajectory_tum = lambda _: os.kill(os.getpid(), signal.SIGSEGV)
+    adapter.final_poses(slam, client, {0.1: 4}, tracked={4})
+    assert not client.final.called
+    assert "no corrected poses" in capfd.readouterr().out
 
 
 def settings_for(adapter: ModuleType, sensor: str) -> dict[str, str]:
