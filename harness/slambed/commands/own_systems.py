@@ -15,7 +15,7 @@ from slambed.terminal import console
 def check_system(
     system: Annotated[str, typer.Argument(help="Name of a system, or path of its system.yaml.")],
 ) -> None:
-    """Play twenty frames of each sensor to your own system and show which parts of the contract it fulfills."""
+    """Play twenty frames of each sensor to your own system, and show what of the contract holds."""
     from slambed.campaign.check_system import check_system as checked
     from slambed.spec import library
 
