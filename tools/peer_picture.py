@@ -109,7 +109,9 @@ def draw(runs: pd.DataFrame, target: Path) -> None:
             axis.yaxis.set_major_formatter("{x:g}")
             axis.yaxis.set_minor_locator(NullLocator())
         else:
-            axis.set_ylim(bottom=0)
+            # An axis of nothing but zeros would show thousandths.
+            most = runs[panel.column].max() * panel.factor
+            axis.set_ylim(bottom=0, top=None if most > 0 else 1)
         axis.grid(axis="y", alpha=0.3)
         axis.spines[["top", "right"]].set_visible(False)
     lines = [plt.Line2D([], [], color=c, label=n) for n, c in COLORS.items()]
