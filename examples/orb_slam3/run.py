@@ -96,8 +96,12 @@ def is_saved(slam: Slam, file: Path) -> bool:
     last map has no keyframe. The poses of the run itself are kept then."""
     child = os.fork()
     if child == 0:
-        slam.save_trajectory_tum(str(file))
-        os._exit(0)
+        saved = False
+        try:
+            slam.save_trajectory_tum(str(file))
+            saved = True
+        finally:  # an exception must not go on to play the rest of the run a second time
+            os._exit(0 if saved else 1)
     _, status = os.waitpid(child, 0)
     if status != 0:
         print("no corrected poses: the package crashed while it saved them")
