@@ -91,31 +91,38 @@ def settings_of(client: Client) -> str:
     return "%YAML:1.0\n" + "".join(f"{key}: {value}\n" for key, value in text.items())
 
 
-def is_saved(slam: Slam, file: Path) -> bool:
+def is_saved(slam: Slam, file: Path, sensor: str) -> bool:
     """Lets a process of its own save the path: the package ends with a segmentation fault if its
-    last map has no keyframe. The poses of the run itself are kept then."""
+    last map has no keyframe. The poses of the run itself are kept then. With one camera it saves
+    its largest map only, because each map has another scale, and only in EuRoC's format."""
     child = os.fork()
     if child == 0:
         saved = False
         try:
-            slam.save_trajectory_tum(str(file))
+            if sensor == "mono":
+                slam.save_trajectory_euroc(str(file))
+            else:
+                slam.save_trajectory_tum(str(file))
             saved = True
         finally:  # an exception must not go on to play the rest of the run a second time
             os._exit(0 if saved else 1)
     _, status = os.waitpid(child, 0)
-    if status != 0:
-        print("no corrected poses: the package crashed while it saved them")
-    return status == 0 and file.is_file()
+    saved = status == 0 and file.is_file()
+    if not saved:
+        print("no corrected poses: the package could not save them")
+    return saved
 
 
 def final_poses(slam: Slam, client: Client, times_s: dict[float, int], tracked: set[int]) -> None:
-    """Sends the corrected poses of all tracked frames, as ORB-SLAM3 leaves them after its end. Its
-    file also has frames in which it was about to lose track."""
+    """Sends the corrected poses of tracked frames, as ORB-SLAM3 leaves them after its end. Its file
+    also has frames in which it was about to lose track."""
     file = OUTPUT / "orb_slam3.txt"
-    if not is_saved(slam, file):
+    if not is_saved(slam, file, client.sensor):
         return
     stamps = np.array(sorted(times_s))
     for row in np.loadtxt(file, ndmin=2):
+        if client.sensor == "mono":  # EuRoC's format has nanoseconds
+            row[0] *= 1e-9
         nearest = stamps[np.argmin(abs(stamps - row[0]))]
         if (frame := times_s[nearest]) in tracked:
             client.final(frame, matrix_of(row[1:]))
