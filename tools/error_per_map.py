@@ -34,6 +34,8 @@ def begins_of(results: Results, key: str) -> list[float]:
         return []
     times_s = events["seq_s"].ffill()
     tracked = events["type"].eq("frame_tracked") & events["state"].eq("ok")
+    if not tracked.any():  # a system that reads a folder tells nothing of its frames
+        return [float(path.stamps_s[0])]
     # Events count from the first frame, poses have the time stamps of the recording.
     offset_s = path.stamps_s[0] - times_s[tracked].iloc[0]
     began = times_s[events["type"].eq("initialized")].fillna(0.0)

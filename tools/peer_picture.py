@@ -10,12 +10,13 @@ Instead of the folder it also takes a table of runs, such as the kept one:
     .venv/bin/python tools/peer_picture.py examples/orb_slam3_at_30_fps.csv peer.png
 
 Dots are runs, lines are medians. Time, CPU and memory are ratios to the median of ours alone on a
-whole core. The error of a run that tracked less than 90 % of the frames is left out, because its
-path is shorter.
+whole core with the same sequence. The error of a run that tracked less than 90 % of the frames is
+left out, because its path is shorter. Several sequences get a row of panels each, of four metrics.
 """
 
 import sys
 from dataclasses import dataclass
+from itertools import product
 from pathlib import Path
 
 import matplotlib
@@ -23,6 +24,7 @@ import matplotlib
 matplotlib.use("agg")
 import matplotlib.pyplot as plt
 import pandas as pd
+from matplotlib.axes import Axes
 from matplotlib.ticker import LogLocator, NullLocator
 
 from slambed import Results
@@ -66,61 +68,87 @@ PANELS = (
     Panel("cpu", "CPU of the robot, likewise", log=True),
     Panel("memory", "peak memory of the robot, likewise", log=True),
 )
+FEW_PANELS = PANELS[:4]
+"""Of several sequences."""
 
 
 def runs_of(place: Path) -> pd.DataFrame:
-    """Returns the valid runs of a results folder or a table, with name, share of a core and
-    ratios."""
+    """Returns the valid runs of a results folder or a table, with name, sequence, share of a core
+    and ratios."""
     runs = pd.read_csv(place) if place.suffix == ".csv" else Results(place).runs
     runs = runs[runs.valid.astype(bool)].copy()
-    label = runs.cell.str.partition("/")[0]
+    label = runs.cell.str.split("/").str[0]
+    runs["sequence"] = runs.cell.str.split("/").str[1]
     runs["name"] = label.str.partition(", ")[0]
     runs["share"] = label.str.extract(r", ([0-9.]+) core", expand=False).astype(float)
-    whole = runs[(runs.name == ALONE) & (runs.share == 1.0)]
+    whole = runs[(runs.name == ALONE) & (runs.share == 1.0)].groupby("sequence")
     for column, of in RATIOS.items():
-        runs[column] = runs[of] / whole[of].median()
+        runs[column] = runs[of] / runs.sequence.map(whole[of].median())
     runs.loc[runs.failed.astype(bool), "ate_rmse_m"] = float("nan")
     return runs
 
 
 def draw(runs: pd.DataFrame, target: Path) -> None:
-    """Draws one panel for each metric."""
+    """Draws one panel for each metric, or a row of panels for each of several sequences."""
     plt.rcParams.update({"font.size": 9})
-    figure, axes = plt.subplots(2, 3, figsize=(13, 6), layout="constrained")
-    order = list(SHARES)
-    for axis, panel in zip(axes.flat, PANELS, strict=True):
-        for number, (name, color) in enumerate(COLORS.items()):
-            for link, (line, mark, _) in LINKS.items():
-                own = runs[(runs.name == name) & (runs.profile == link)]
-                own = own.dropna(subset=[panel.column])
-                if own.empty:
-                    continue
-                beside = (number - 1.5) * BESIDE
-                x = own.share.map(order.index) + beside
-                y = own[panel.column] * panel.factor
-                axis.plot(x, y, mark, color=color, markersize=3, alpha=0.5)
-                medians = y.groupby(x).median()
-                axis.plot(medians.index, medians, line, color=color, linewidth=1.5)
-        axis.set_title(panel.title, loc="left", fontsize=10)
-        axis.set_xticks(range(len(order)), [f"{s} core" for s in SHARES.values()])
-        if panel.log:
-            axis.set_yscale("log")
-            axis.yaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
-            axis.yaxis.set_major_formatter("{x:g}")
-            axis.yaxis.set_minor_locator(NullLocator())
-        else:
-            # An axis of nothing but zeros would show thousandths.
-            most = runs[panel.column].max() * panel.factor
-            axis.set_ylim(bottom=0, top=None if most > 0 else 1)
-        axis.grid(axis="y", alpha=0.3)
-        axis.spines[["top", "right"]].set_visible(False)
-    lines = [plt.Line2D([], [], color=c, label=n) for n, c in COLORS.items()]
+    sequences = sequences_of(runs)
+    if len(sequences) == 1:
+        figure, axes = plt.subplots(2, 3, figsize=(13, 6), layout="constrained")
+        for axis, panel in zip(axes.flat, PANELS, strict=True):
+            draw_panel(axis, panel, runs)
+    else:
+        size = (13, 2.4 * len(sequences))
+        figure, axes = plt.subplots(
+            len(sequences), len(FEW_PANELS), figsize=size, layout="constrained"
+        )
+        for row, sequence in zip(axes, sequences, strict=True):
+            for axis, panel in zip(row, FEW_PANELS, strict=True):
+                draw_panel(axis, panel, runs[runs.sequence == sequence])
+            row[0].set_ylabel(sequence.removeprefix("synthetic_"))
+    names, links = runs.name.unique(), runs.profile.unique()
+    lines = [plt.Line2D([], [], color=c, label=n) for n, c in COLORS.items() if n in names]
     lines += [
         plt.Line2D([], [], color="gray", linestyle=line, marker=mark, label=words)
-        for line, mark, words in LINKS.values()
+        for link, (line, mark, words) in LINKS.items()
+        if link in links
     ]
     figure.legend(handles=lines, loc="outside lower center", ncols=6, frameon=False)
     figure.savefig(target, dpi=100, pil_kwargs={"optimize": True})
+
+
+def sequences_of(runs: pd.DataFrame) -> list[str]:
+    """Returns the sequences in the order of the runs."""
+    return list(dict.fromkeys(runs.sequence))
+
+
+def draw_panel(axis: Axes, panel: Panel, runs: pd.DataFrame) -> None:
+    """Draws one metric of all systems, over the shares of a core that were played."""
+    order = [share for share in SHARES if (runs.share == share).any()]
+    for number, (name, color) in enumerate(COLORS.items()):
+        for link, (line, mark, _) in LINKS.items():
+            own = runs[(runs.name == name) & (runs.profile == link)]
+            own = own.dropna(subset=[panel.column])
+            if own.empty:
+                continue
+            beside = (number - 1.5) * BESIDE
+            x = own.share.map(order.index) + beside
+            y = own[panel.column] * panel.factor
+            axis.plot(x, y, mark, color=color, markersize=3, alpha=0.5)
+            medians = y.groupby(x).median()
+            axis.plot(medians.index, medians, line, color=color, linewidth=1.5)
+    axis.set_title(panel.title, loc="left", fontsize=10)
+    axis.set_xticks(range(len(order)), [f"{SHARES[share]} core" for share in order])
+    if panel.log:
+        axis.set_yscale("log")
+        axis.yaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
+        axis.yaxis.set_major_formatter("{x:g}")
+        axis.yaxis.set_minor_locator(NullLocator())
+    else:
+        # An axis of nothing but zeros would show thousandths.
+        most = runs[panel.column].max() * panel.factor
+        axis.set_ylim(bottom=0, top=None if most > 0 else 1)
+    axis.grid(axis="y", alpha=0.3)
+    axis.spines[["top", "right"]].set_visible(False)
 
 
 def told(values: pd.Series, digits: int) -> str:
@@ -137,30 +165,38 @@ def told(values: pd.Series, digits: int) -> str:
 
 def table(runs: pd.DataFrame) -> list[str]:
     """Returns the lines of a Markdown table, a row for each combination."""
+    sequences = sequences_of(runs)
+    several = len(sequences) > 1
     lines = [
-        "| core | system | link | runs | frames with a pose [%] | ATE RMSE [cm] "
+        ("| sequence " if several else "")
+        + "| core | system | link | runs | frames with a pose [%] | ATE RMSE [cm] "
         "| runs with a loss [%] | frames dropped | time | CPU | memory |",
-        "|---" * 11 + "|",
+        "|---" * (11 + several) + "|",
     ]
-    for share, words in SHARES.items():
-        for name in COLORS:
-            for link, (*_, says) in LINKS.items():
-                own = runs[(runs.name == name) & (runs.profile == link) & (runs.share == share)]
-                if own.empty:
-                    continue
-                lost = wilson(int((own.track_losses > 0).sum()), len(own))
-                cells = (
-                    words,
-                    name,
-                    says if name in ("Edge-SLAM", "DynNetSLAM") else "",
-                    str(len(own)),
-                    told(own.coverage * 100, 0),
-                    told(own.ate_rmse_m * 100, 2),
-                    f"{lost.value * 100:.0f} [{lost.low * 100:.0f} to {lost.high * 100:.0f}]",
-                    told(own.frames_dropped, 0),
-                    *(told(own[column], 2) for column in RATIOS),
-                )
-                lines.append(f"| {' | '.join(cells)} |")
+    for sequence, (share, words), name in product(sequences, SHARES.items(), COLORS):
+        for link, (*_, says) in LINKS.items():
+            own = runs[
+                (runs.sequence == sequence)
+                & (runs.name == name)
+                & (runs.profile == link)
+                & (runs.share == share)
+            ]
+            if own.empty:
+                continue
+            lost = wilson(int((own.track_losses > 0).sum()), len(own))
+            cells = (
+                *([f"`{sequence.removeprefix('synthetic_')}`"] if several else []),
+                words,
+                name,
+                says if name in ("Edge-SLAM", "DynNetSLAM") else "",
+                str(len(own)),
+                told(own.coverage * 100, 0),
+                told(own.ate_rmse_m * 100, 2),
+                f"{lost.value * 100:.0f} [{lost.low * 100:.0f} to {lost.high * 100:.0f}]",
+                told(own.frames_dropped, 0),
+                *(told(own[column], 2) for column in RATIOS),
+            )
+            lines.append(f"| {' | '.join(cells)} |")
     return lines
 
 

@@ -268,17 +268,26 @@ def _plays_another(trial: Trial, sensor: str, found: Checked) -> None:
         if not trial.ready():
             found.report(False, f"{line}: not ready, {trial.last_words('mobile')}")
         else:
-            trial.start_clock()
-            code = trial.code("mobile", FRAMES / FPS + END_PATIENCE_S)
+            bad = {role: code for role, code in _codes_at_the_end(trial).items() if code != 0}
             frames = [e for e in trial.events() if e["type"] == "frame_tracked"]
             answered = sum("track_ms" in e for e in frames)
             every = answered == FRAMES or not trial.system.runtime.has_client("mobile")
             why = "" if every else f": {answered} of {FRAMES} answered"
-            if code != 0:
-                why = f": {_how_it_ended(code)}, {trial.last_words('mobile')}"
-            found.report(code == 0 and every, line + why)
+            for role, code in bad.items():
+                why = f": {role}, {_how_it_ended(code)}, {trial.last_words(role)}"
+            found.report(not bad and every, line + why)
     if not found.good:
         found.printed = trial.printed()
+
+
+def _codes_at_the_end(trial: Trial) -> dict[Role, int | None]:
+    """Starts the clock, and returns how each node ended: the edge first, the mobile node last."""
+    trial.start_clock()
+    mobile = trial.code("mobile", FRAMES / FPS + END_PATIENCE_S)
+    codes: dict[Role, int | None] = {}
+    if trial.system.has_edge:
+        codes["edge"] = trial.code("edge", END_PATIENCE_S)
+    return codes | {"mobile": mobile}
 
 
 def _how_it_ended(code: int | None) -> str:
@@ -310,8 +319,8 @@ def _begins(trial: Trial, found: Checked) -> bool:
 
 
 def _plays(trial: Trial, found: Checked) -> None:
-    trial.start_clock()
-    code = trial.code("mobile", FRAMES / FPS + END_PATIENCE_S)
+    codes = _codes_at_the_end(trial)
+    code = codes["mobile"]
     does = "plays" if trial.recording is None else "reads the folder"
     ends = f"mobile: {does} to the end and then ends by itself, exit code 0"
     if code != 0:
@@ -319,9 +328,8 @@ def _plays(trial: Trial, found: Checked) -> None:
     else:
         found.report(True, ends)
     if trial.system.has_edge:
-        edge = trial.code("edge", END_PATIENCE_S)
-        how = "" if edge == 0 else f": {_how_it_ended(edge)}"
-        found.report(edge == 0, f"edge: ends with the run{how}")
+        how = "" if codes["edge"] == 0 else f": {_how_it_ended(codes['edge'])}"
+        found.report(codes["edge"] == 0, f"edge: ends with the run{how}")
     _answers(trial, found)
     if code == 0 and (trial.recording is None or _leaves(trial, found)):
         _path(trial, found)

@@ -17,6 +17,7 @@ from slambed.campaign.folder import ResultFolder
 from slambed.campaign.ledger import Ledger
 from slambed.campaign.manifest import add_plans
 from slambed.campaign.progress import Reporter
+from slambed.campaign.store import LOGS
 from slambed.engines.result import InterruptedRunError
 from slambed.errors import KilledError, PassingError, SlambedError, no_space
 from slambed.failures import refused_write
@@ -204,8 +205,11 @@ class Runner:
             self._verdict.done += 1
             self._verdict.valid += summary.valid
             self._verdict.not_completed += summary.valid and not summary.completed
+            line = verdict_of(summary)
+            if not summary.completed:
+                line += f"; logs: {self.folder.runs / spec.run_key / LOGS}"
             host = self.places.host_of(spec)
-            reporter.run_ended(spec, verdict_of(summary) + (f"; host {host}" if host else ""))
+            reporter.run_ended(spec, line + (f"; host {host}" if host else ""))
         return None
 
     def _failed(self, item: Item, error: Exception, reporter: Reporter) -> float | None:

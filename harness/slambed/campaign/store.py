@@ -26,6 +26,8 @@ STORE = "runs"
 ATTEMPTS = "attempts"
 LOCK = ".lock"
 RESULT_FILES = ("manifest.json", "summary.json", REFERENCE_FILE)
+LOGS = "nodes"
+"""Folder of a run with what each node printed and left."""
 NODE_FILES = ("node.json", "ready.json", "log.txt")
 ROLES = ("mobile", "edge")
 FULL_BYTES = 1 << 20
@@ -128,7 +130,7 @@ class RunStore:
         assert self.work is not None
         tidy = self.work / f"{run_key}.whole"
         shutil.rmtree(tidy, ignore_errors=True)
-        (tidy / "nodes").mkdir(parents=True)
+        (tidy / LOGS).mkdir(parents=True)
         for name in RESULT_FILES:
             _move(raw / name, tidy / name)
         for table in raw.glob("*.parquet"):
@@ -136,12 +138,12 @@ class RunStore:
         for name in MOBILE_FILES:
             _move(raw / "mobile" / name, tidy / name)
         for name in ("run.json", "start.json", "log.txt"):
-            _move(raw / name, tidy / "nodes" / name)
+            _move(raw / name, tidy / LOGS / name)
         for role in ROLES:
             for name in NODE_FILES:
-                _move(raw / role / name, tidy / "nodes" / role / name)
+                _move(raw / role / name, tidy / LOGS / role / name)
         if (raw / "link").is_dir():
-            _move(raw / "link", tidy / "nodes" / "link")
+            _move(raw / "link", tidy / LOGS / "link")
         self.put(run_key, tidy, replace)
         shutil.rmtree(raw, ignore_errors=True)
 

@@ -13,12 +13,14 @@ from typing import Literal
 from slambed.engines.docker_errors import daemon_failures
 from slambed.engines.docker_image import connect, find_image, image_tag
 from slambed.engines.docker_kinds import shortcomings
+from slambed.engines.python_packages import must_have_debian_packages
 from slambed.errors import SlambedError
 from slambed.isolation import left_out
 from slambed.native import find_program, repository_root
 from slambed.process.cpus import own_cpus
 from slambed.sampling.cgroup import version as cgroup_version
 from slambed.spec.host_speed import cpu_model, load_host_speed
+from slambed.spec.library import Library
 from slambed.spec.software import host_software
 
 Level = Literal["good", "missing", "fatal"]
@@ -62,7 +64,26 @@ def examine() -> list[Finding]:
         _disk,
         _data,
     ]
-    return [check() for check in checks]
+    return [check() for check in checks] + _own_systems()
+
+
+def _own_systems() -> list[Finding]:
+    """Returns a line for each system in the folders of $SLAMBED_SYSTEMS."""
+    library = Library()
+    findings = []
+    for name in sorted(set(library.known_systems()) - set(library.systems())):
+        topic = f"system {name}"
+        try:
+            system, folder = library.system(name), library.system_file(name).parent
+            assert system.runtime is not None
+            if system.runtime.python is not None:
+                must_have_debian_packages(system.runtime.python, folder)
+        except SlambedError as error:
+            cost = "no runs of it on engine local"
+            findings.append(Finding(topic, "missing", str(error), cost))
+        else:
+            findings.append(Finding(topic, "good", str(folder)))
+    return findings
 
 
 def can_run(findings: list[Finding]) -> bool:

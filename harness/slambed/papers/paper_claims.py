@@ -18,6 +18,8 @@ WEAK_BADGE = {
     "on a substitute sequence": " ON A SUBSTITUTE SEQUENCE",
     "fitted": " (FITTED, NO EVIDENCE)",
 }
+Outcome = tuple[JudgedOrdering, str]
+"""An ordering and its group."""
 SHOWN: tuple[OrderKind, ...] = ("holds", "reversed", "not_seen")
 """Outcomes that rest on our runs, so they must name stand-ins and fits."""
 DEFINITIONS: dict[OrderKind, str] = {
@@ -148,21 +150,22 @@ NOT_BEGUN = ("waiting", "live", "virtual")
 """Groups of orderings that this kind of engine did not play."""
 
 
-def outcomes_in(verdicts: PaperVerdicts, column: Column) -> list[str]:
-    """Returns the group of each ordering (`outcome_of`) among runs of one kind of engine; `live` or
-    `virtual` where only the other kind played it."""
+def with_outcomes(verdicts: PaperVerdicts, column: Column) -> list[Outcome]:
+    """Returns each ordering with its group (`outcome_of`) among runs of one kind of engine; `live`
+    or `virtual` where only the other kind played it."""
     others = {
         item.contrast.id: "live" if other.engine == LIVE else "virtual"
         for other in verdicts.columns
         for item in other.orderings
         if other is not column and outcome_of(item) not in ("waiting", "half")
     }
-    return [
-        others[item.contrast.id]
-        if item.contrast.id in others and not item.begun and outcome_of(item) == "waiting"
-        else outcome_of(item)
-        for item in column.orderings
-    ]
+    found = []
+    for item in column.orderings:
+        outcome = outcome_of(item)
+        if outcome == "waiting" and not item.begun:
+            outcome = others.get(item.contrast.id, outcome)
+        found.append((item, outcome))
+    return found
 
 
 def claim_groups(verdicts: PaperVerdicts, column: Column) -> list[ClaimGroup]:
@@ -172,8 +175,7 @@ def claim_groups(verdicts: PaperVerdicts, column: Column) -> list[ClaimGroup]:
     by_outcome: dict[str, list[ClaimLine]] = {}
     further: Counter[str] = Counter()
     lines = claim_lines(column, every=True)
-    outcomes = outcomes_in(verdicts, column)
-    for item, line, outcome in zip(column.orderings, lines, outcomes, strict=True):
+    for (item, outcome), line in zip(with_outcomes(verdicts, column), lines, strict=True):
         told = outcome in ("hold", "reversed", "in_part") or item.unshown in ("holds", "reversed")
         if line.anchor in main or told:
             by_outcome.setdefault(outcome, []).append(line)

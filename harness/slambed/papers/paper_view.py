@@ -21,7 +21,7 @@ from slambed.papers.judged import MARK_NAMES, MARKS, Judged, Mark
 from slambed.papers.kept import no_runs_words
 from slambed.papers.orderings import JudgedOrdering
 from slambed.papers.origin import origin_words
-from slambed.papers.paper_claims import claim_lines, outcomes_in
+from slambed.papers.paper_claims import Outcome, claim_lines, with_outcomes
 from slambed.papers.paper_runs import experiments_of
 from slambed.papers.published import Paper, PublishedTable
 from slambed.papers.published.paper_plan import read_plan
@@ -41,8 +41,6 @@ NO_DETAILS: dict[Reason | None, str] = {
 """Reasons that are the same for all their numbers."""
 REASONS = 3
 SHOWN_CLAIMS = 4
-Outcome = tuple[JudgedOrdering, str]
-"""An ordering and its group."""
 
 
 @dataclass(frozen=True)
@@ -289,8 +287,7 @@ def _begun(column: Column) -> int:
 def _of_a_part(verdicts: PaperVerdicts, column: Column) -> list[Headline]:
     """Returns what was learnt with a kind of engine that played less than the other one: nothing is
     said of what it did not play."""
-    pairs = zip(column.orderings, outcomes_in(verdicts, column), strict=True)
-    played = [(item, group) for item, group in pairs if item.begun]
+    played = [(item, group) for item, group in with_outcomes(verdicts, column) if item.begun]
     groups = count(verdicts, column).groups
     ours = groups["judged"] + groups["beside"] + groups["fitted"]
     has, it = ("has", "it") if ours == 1 else ("have", "them")
@@ -321,9 +318,8 @@ OUTCOME_WORDS: dict[str, tuple[str, str]] = {
 
 def _orderings(verdicts: PaperVerdicts, column: Column) -> list[Headline]:
     """Returns one headline per kind of sequences: the paper's own, others."""
-    pairs = zip(column.orderings, outcomes_in(verdicts, column), strict=True)
     by_place: dict[str, list[Outcome]] = {}
-    for pair in sorted(pairs, key=lambda pair: bool(pair[0].stand_ins)):
+    for pair in sorted(with_outcomes(verdicts, column), key=lambda pair: bool(pair[0].stand_ins)):
         by_place.setdefault("substitute" if pair[0].stand_ins else "own", []).append(pair)
     if "own" in by_place and not any(item.begun for item, _ in by_place["own"]):
         by_place.setdefault("substitute", []).extend(by_place.pop("own"))
@@ -469,8 +465,7 @@ def summary_rows(verdicts: PaperVerdicts) -> list[SummaryRow]:
     """Returns one line for each kind of engine; one of zeros if nothing was played."""
     found = []
     for column in verdicts.columns:
-        pairs = zip(column.orderings, outcomes_in(verdicts, column), strict=True)
-        outcomes = Counter(group for item, group in pairs if item.begun)
+        outcomes = Counter(o for item, o in with_outcomes(verdicts, column) if item.begun)
         hold, reverse = outcomes["hold"], outcomes["reversed"] + outcomes["in_part"]
         found.append(
             SummaryRow(

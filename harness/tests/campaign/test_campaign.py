@@ -85,6 +85,8 @@ def test_runs_are_committed_one_by_one_with_their_manifest(tmp_path: Path) -> No
     )
     assert "5/5 frames tracked" in reporter.verdicts[0]
     assert "died: mobile node: signal 11" in reporter.verdicts[1]
+    logs = Path(reporter.verdicts[1].partition("logs: ")[2])
+    assert (logs / "mobile" / "log.txt").is_file() and "logs" not in reporter.verdicts[0]
     manifest = campaign.folder.manifest(good.run_key)
     assert manifest is not None
     for key in (

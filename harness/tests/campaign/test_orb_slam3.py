@@ -90,11 +90,24 @@ def adapter(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> ModuleType:
 def test_a_crash_while_the_path_is_saved_costs_only_the_corrections(
     adapter: ModuleType, capfd: pytest.CaptureFixture[str]
 ) -> None:
-    slam, client = Mock(), Mock()
-    slam.save_trajectory_tum = lambda _: os.kill(os.getpid(), signal.SIGKILL)
-    adapter.final_poses(slam, client, {0.1: 4}, tracked={4})
-    assert not client.final.called
-    assert "no corrected poses" in capfd.readouterr().out
+    slam, client = Mock(), Mock(sensor="rgbd")
+    for crash in (lambda _: os.kill(os.getpid(), signal.SIGKILL), lambda _: 1 / 0, lambda _: None):
+        slam.save_trajectory_tum = crash
+        adapter.final_poses(slam, client, {0.1: 4}, tracked={4})
+        assert not client.final.called
+        assert capfd.readouterr().out.count("no corrected poses") == 1
+
+
+def test_one_camera_gets_the_corrections_of_the_largest_map(adapter: ModuleType) -> None:
+    """The package refuses one camera in TUM's format; EuRoC's has nanoseconds."""
+    slam, client = Mock(), Mock(sensor="mono")
+    slam.save_trajectory_tum = lambda _: None
+    slam.save_trajectory_euroc = lambda path: Path(path).write_text(
+        "100000000.000000 1 0 0 0 0 0 1\n299999990.000000 3 0 0 0 0 0 1\n"
+    )
+    adapter.final_poses(slam, client, {0.1: 4, 0.2: 5, 0.3: 7}, tracked={4, 5, 7})
+    sent = [(call.args[0], call.args[1][0, 3]) for call in client.final.call_args_list]
+    assert sent == [(4, 1.0), (7, 3.0)]
 
 
 def settings_for(adapter: ModuleType, sensor: str) -> dict[str, str]:
@@ -132,7 +145,7 @@ def test_depth_and_one_camera_have_their_settings(adapter: ModuleType) -> None:
 
 def test_a_frame_that_was_not_tracked_gets_no_final_pose(adapter: ModuleType) -> None:
     """ORB-SLAM3 writes a pose also where it was about to lose track; slambed refuses that one."""
-    slam, client = Mock(), Mock()
+    slam, client = Mock(), Mock(sensor="rgbd")
     slam.save_trajectory_tum = lambda path: Path(path).write_text(
         "".join(f"{t} {x} 0 0 0 0 0 1\n" for t, x in ((0.1, 1), (0.2, 2), (0.3, 3)))
     )

@@ -16,6 +16,7 @@ from slambed.commands import doctor
 from slambed.engines.docker_kinds import shortcomings
 from slambed.errors import ExitCode, SlambedError
 from slambed.files.outputs import SHEETS, figure_file
+from slambed.native import repository_root
 
 NOTEBOOK = "module://matplotlib_inline.backend_inline"
 
@@ -130,6 +131,23 @@ def test_a_daemon_that_goes_while_the_doctor_asks_it_is_a_line(
     found = doctor._image()
     assert (found.level, daemon.closed) == ("missing", True)
     assert found.found == "Docker did not answer, asked to look for the node image: it restarts"
+
+
+def test_systems_of_the_user_are_lines_of_the_doctor(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    example = (repository_root() / "examples" / "opencv_odometry" / "system.yaml").read_text()
+    lacks = example.replace("  python:\n", "  python:\n    apt: [bash, no-such-library]\n")
+    for name, content in (("has", example), ("lacks", lacks), ("damaged", "name: [")):
+        (tmp_path / name).mkdir()
+        text = content.replace("name: opencv_odometry", f"name: {name}")
+        (tmp_path / name / "system.yaml").write_text(text)
+    assert doctor._own_systems() == []
+    monkeypatch.setenv("SLAMBED_SYSTEMS", str(tmp_path))
+    damaged, has, lacks_it = doctor._own_systems()
+    assert (damaged.level, has.level, lacks_it.level) == ("missing", "good", "missing")
+    assert "damaged/system.yaml" in damaged.found and has.topic == "system has"
+    assert "sudo apt-get install no-such-library" in lacks_it.found
 
 
 def test_one_cpu_is_a_line_of_the_doctor(monkeypatch: pytest.MonkeyPatch) -> None:

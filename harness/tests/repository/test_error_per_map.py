@@ -51,6 +51,19 @@ def test_a_new_origin_is_no_error_of_its_map(
     )
 
 
+def test_a_system_that_reads_a_folder_has_one_map(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    folder = in_two_maps(tmp_path)
+    (file,) = folder.glob("runs/*/events.parquet")
+    events = pd.read_parquet(file)
+    events[events["type"] != "frame_tracked"].to_parquet(file)
+    monkeypatch.setattr("sys.argv", ["error_per_map.py", str(folder)])
+    assert MAIN() == 0
+    found = re.findall(r"[\d.]+ cm of (\d+) poses", capsys.readouterr().out)
+    assert found == [str(len(np.loadtxt(next(folder.glob("runs/*/trajectory.txt")))))]
+
+
 def test_a_folder_without_results_is_one_line(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

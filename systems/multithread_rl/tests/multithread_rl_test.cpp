@@ -103,8 +103,10 @@ TEST(Multithread, TrackingGoesOnWhileAnUpdateIsWorkedIn) {
   EXPECT_TRUE(staged.of("frame_dropped").empty() || staged.of("frame_dropped").size() < 4);
   EXPECT_TRUE(staged.of("track_lost").empty());
   EXPECT_EQ(staged.end_reason, "bye");
+  std::set<std::string> names;
   for (const auto& stage : staged.of("stage")) {
     const std::string name = stage["name"], worker = stage["worker"];
+    names.insert(name);
     if (name == "update_reference") {
       EXPECT_EQ(worker, "map-update");
     }
@@ -113,6 +115,8 @@ TEST(Multithread, TrackingGoesOnWhileAnUpdateIsWorkedIn) {
     }
     EXPECT_NE(name, "apply_update");
   }
+  for (const char* name : {"update_reference", "clean_map", "update_last_frame"})
+    EXPECT_TRUE(names.contains(name)) << name;
 }
 
 TEST(Multithread, AnUpdateEndsAlsoWhereKeyframesComeFasterThanTheyAreCarriedOver) {

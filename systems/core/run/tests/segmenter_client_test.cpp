@@ -17,7 +17,7 @@ using wire::Bytes;
 using namespace std::chrono_literals;
 
 constexpr int kAcross = 40, kDown = 30;
-constexpr auto kAnswerLimit = 200ms;
+constexpr auto kShortLimit = 500ms;
 const Bytes kPicture{9, 8, 7};
 
 /// Returns a frame's block as slambed.segment writes it.
@@ -43,7 +43,7 @@ class SegmenterClientTest : public ::testing::Test {
   }
 
   void new_client() {
-    client.emplace(SegmenterOptions{.socket = socket, .time_limit = kAnswerLimit},
+    client.emplace(SegmenterOptions{.socket = socket, .time_limit = limit},
                    [this] { return sensor; });
   }
   Segmentation ask() { return client->masks(3, kPicture, 0.7); }
@@ -62,6 +62,8 @@ class SegmenterClientTest : public ::testing::Test {
     return failed.failure;
   }
 
+  /// Long: an answer that comes must not be missed on a busy machine.
+  std::chrono::milliseconds limit = 10s;
   testing::TemporaryFolder folder;
   std::filesystem::path socket = folder.path() / "socket";
   std::shared_ptr<Sensor> sensor = std::make_shared<Sensor>();
@@ -104,12 +106,13 @@ TEST_F(SegmenterClientTest, SaysThatAPictureWasRefused) {
 }
 
 TEST_F(SegmenterClientTest, WaitsNoLongerThanItsLimit) {
+  limit = kShortLimit;
   const auto began = std::chrono::steady_clock::now();
   // An answer whose length field is one too large: the last byte never arrives.
   Bytes torn = answer_of(masks);
   torn[0] = static_cast<std::uint8_t>(torn[0] + 1);
-  EXPECT_NE(after(torn).find("longer than 200 ms"), std::string::npos);
-  EXPECT_GE(std::chrono::steady_clock::now() - began, kAnswerLimit);
+  EXPECT_NE(after(torn).find("longer than 500 ms"), std::string::npos);
+  EXPECT_GE(std::chrono::steady_clock::now() - began, kShortLimit);
 }
 
 TEST_F(SegmenterClientTest, SaysWhatNonsenseWasAnswered) {
