@@ -73,6 +73,9 @@ class RunLog:
         if "host_steal_s" not in self.samples:
             return None
         rows = self.samples.dropna(subset=["host_steal_s"])
+        if "node" in rows and rows["node"].eq("edge").any():
+            # Rows of a mobile node on a board hold the board's counter.
+            rows = rows[rows["node"].eq("edge")]
         rows = rows[rows["t_s"].between(begin_s, end_s)].sort_values("t_s")
         if len(rows) < 2 or rows["t_s"].iloc[-1] <= rows["t_s"].iloc[0]:
             return None

@@ -33,6 +33,7 @@ WORDS = {
     "stalled": "stalled by others on the host",
     "shared": "sharing the device's cores with its other threads",
     "waiting": "waiting, not for a processor",
+    "unknown": "where the time went is not known: the system reports no stages",
 }
 
 
@@ -116,7 +117,10 @@ def _explained(
     shared = run.status.virtual or float(concurrent["wall_ms"].sum()) >= BESIDE * stalled_ms
     queued_ms = float(row["queued_ms"])
     waiting_ms = max(0.0, above_ms + untimed_ms - throttled_ms - stalled_ms)
+    if cpu_ms is None:  # it may have computed all the time
+        waiting_ms = 0.0
     parts = {
+        "unknown": TINY_MS if cpu_ms is None else 0.0,
         "computing": max(0.0, (cpu_ms or 0.0) - usual_cpu_ms),
         "queued": queued_ms,
         "throttled": throttled_ms,

@@ -47,7 +47,9 @@ def _status(run: RunLog) -> list[str]:
     if not status.valid:
         lines.append(f"invalid: {status.invalid_reason or 'no reason was kept'}")
     if status.attempts > 1:
-        lines.append(f"attempt {status.attempts}, the earlier ones were invalid")
+        lines.append(
+            f"attempt {status.attempts}, the earlier ones were invalid or were run again on request"
+        )
     if (steal := status.steal_percent) is not None and steal >= NOTABLE_STEAL_PERCENT:
         lines.append(f"steal: neighbors took {steal:.1f} % of this host's CPU time")
     if (stall := run.longest_stall()) is not None and stall[1] >= NOTABLE_STALL_MS:

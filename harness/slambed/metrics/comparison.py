@@ -81,10 +81,12 @@ def mcnemar(bad_a: ArrayLike, bad_b: ArrayLike, alternative: Alternative = "two-
     return float(stats.binomtest(only_b, only_a + only_b, alternative=alternative).pvalue)
 
 
-def least_p(runs: int, paired: bool) -> float:
-    """Returns the smallest possible two-sided p-value with `runs` runs per side: all pairs have
-    the same sign (2 of 2^n), or all ranks (shares) are separated."""
-    return min(1.0, 2.0 ** (1 - runs) if paired else 2.0 / comb(2 * runs, runs))
+def least_p(runs: int, paired: bool, others: int | None = None) -> float:
+    """Returns the smallest possible two-sided p-value of `runs` runs against `others` (as many, if
+    not given): all pairs have the same sign (2 of 2^n), or all ranks (shares) are separated."""
+    if paired:
+        return min(1.0, 2.0 ** (1 - runs))
+    return min(1.0, 2.0 / comb(runs + (runs if others is None else others), runs))
 
 
 def runs_to_show(tests: int, paired: bool, alpha: float = USUAL_ALPHA) -> int:

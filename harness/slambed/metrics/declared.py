@@ -4,6 +4,7 @@
 import hashlib
 from collections.abc import Callable
 from functools import lru_cache, partial
+from math import isfinite
 from pathlib import Path
 
 import numpy as np
@@ -108,7 +109,8 @@ def value_of(item: OwnMetric, run: RunData) -> Value:
     if item.take == "seconds":
         return _seconds(item, events, run.end_s)
     values = values_of(chosen, item.field)
-    return REDUCED[item.take](values) if len(values) else None
+    reduced = REDUCED[item.take](values) if len(values) else None
+    return reduced if reduced is not None and isfinite(reduced) else None
 
 
 def fits(item: OwnMetric, event: Event) -> bool:

@@ -201,6 +201,8 @@ class RunData:
         rows = self.samples[self.samples["t_s"] >= 0] if len(self.samples) else self.samples
         if self.end_s is not None and len(rows):
             rows = rows[rows["t_s"] <= self.end_s]
+        if self.manifest.board:  # rows of the mobile node hold the board's counter
+            rows = rows[rows["node"].eq("edge")]
         rows = rows.dropna(subset=["host_steal_s"]).sort_values("t_s", kind="stable")
         span_s = float(rows["t_s"].iloc[-1] - rows["t_s"].iloc[0]) if len(rows) > 1 else 0.0
         if span_s <= 0:
@@ -332,8 +334,10 @@ class RunData:
     @property
     def known_place_s(self) -> float | None:
         """Mean relocalization time of a lost camera that returned to a known place; None: it
-        never did."""
+        never did, or where it looked is unknown."""
         if self.truth_file is None or not self.tracking.track_losses:
+            return None
+        if not self._truth.has_orientation:
             return None
         live = self._trajectory("trajectory_live.txt")
         waits = known_place_times_s(self.log, live, self._truth)

@@ -5,7 +5,7 @@ where seeds allow it.
 The two may differ in commit, engine, system or host.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import isfinite
 from pathlib import Path
 from typing import Any
@@ -15,7 +15,7 @@ import pandas as pd
 from slambed.errors import SlambedError
 from slambed.files.outputs import writing
 from slambed.metrics.catalog import keys_for, numbers_of
-from slambed.metrics.comparison import USUAL_ALPHA, holm, least_p
+from slambed.metrics.comparison import USUAL_ALPHA, holm
 from slambed.metrics.metric import Metric, Use
 from slambed.metrics.statistics import Interval
 from slambed.regression.diff_sides import Side, Sides
@@ -38,7 +38,9 @@ class Change:
     p_value: float
     """Adjusted for all comparisons of the two folders (Holm)."""
     paired: bool
-    possible: bool
+    least_p: float
+    """The smallest p value that so many runs can give, not adjusted."""
+    possible: bool = True
     """Whether this many runs could have shown any change among so many comparisons."""
 
     @property
@@ -60,7 +62,8 @@ def diff(sides: Sides, metrics: list[str] | None = None) -> list[Change]:
     Raises SlambedError if nothing matches.
     """
     a, b = sides.a.results, sides.b.results
-    asked = metrics or [key for key in metrics_asked(a) if key in metrics_asked(b)]
+    shared = set(a.numbers()) & set(b.numbers()) & set(metrics_asked(b))
+    asked = metrics or [key for key in metrics_asked(a) if key in shared]
     for key in metrics or []:
         _must_be_known(key, sides)
     items = [a.metric(key) for key in asked or keys_for(Use.TESTED)]
@@ -77,16 +80,7 @@ def diff(sides: Sides, metrics: list[str] | None = None) -> list[Change]:
         )
     adjusted = holm([item.p_value for item in found])
     return [
-        Change(
-            c.cell,
-            c.metric,
-            c.a,
-            c.b,
-            c.change,
-            float(p),
-            c.paired,
-            least_p(c.change.count, c.paired) * len(found) <= USUAL_ALPHA,
-        )
+        replace(c, p_value=float(p), possible=c.least_p * len(found) <= USUAL_ALPHA)
         for c, p in zip(found, adjusted, strict=True)
     ]
 
@@ -107,7 +101,8 @@ def _change(cell: str, item: Metric, a: pd.DataFrame, b: pd.DataFrame) -> Change
     found = contrast(item, a, b)
     if found is None:
         return None
-    return Change(cell, item, found.a, found.b, found.change, found.p_value, found.paired, True)
+    change = found.change
+    return Change(cell, item, found.a, found.b, change, found.p_value, found.paired, found.least_p)
 
 
 TESTS = (
@@ -132,7 +127,10 @@ def diff_table(found: list[Change], sides: Sides) -> Table:
         for c in sorted(found, key=lambda c: c.p_value)
     ]
     headings = ["cell", "metric", *sides.headings(), "B - A [95 %]", "runs", "p (Holm)", "verdict"]
-    return Table("diff", "\n".join([*sides.lines, TESTS]), headings, rows, words=2)
+    lines = [*sides.lines, TESTS]
+    if any(c.change.is_range for c in found):
+        lines.append("In parentheses the range, where runs are too few for an interval")
+    return Table("diff", "\n".join(lines), headings, rows, words=2)
 
 
 def write_diff(table: Table, sides: Sides, path: Path) -> None:
@@ -166,6 +164,7 @@ def diff_json(found: list[Change], sides: Sides) -> dict[str, Any]:
             "change": number(c.change.value),
             "low": number(c.change.low),
             "high": number(c.change.high),
+            "is_range": c.change.is_range,
             "runs": c.change.count,
             "paired": c.paired,
             "p_value": number(c.p_value),

@@ -104,15 +104,16 @@ def _tiles(found: list[Change]) -> list[tuple[str, str, str]]:
 
 
 def _forest(changes: list[Change], sides: str) -> tuple[str, Markup]:
-    """Draws a row per comparison: the change with its 95 % interval. Returns the image as a URI,
-    and its points for the script."""
+    """Draws a row per comparison: the change with its 95 % interval, or its range. Returns the
+    image as a URI, and its points for the script."""
     with figure(height_in=AROUND_IN + ROW_IN * len(changes)) as (made, (axis,)):
         for row, change in enumerate(changes):
             ends = relative(change)
             assert ends is not None
             value, low, high = np.clip(ends, -WIDEST, WIDEST)
             color, marker = DRAWN.get(change.verdict, NOT_SHOWN)
-            axis.plot([low, high], [row, row], color=color, label="95 % interval")
+            label = "range" if change.change.is_range else "95 % interval"
+            axis.plot([low, high], [row, row], color=color, label=label)
             axis.plot([value], [row], marker, color=color, label=change.verdict)
         axis.axvline(0, color="black", linewidth=0.8)
         labels = [f"{change.metric.name}\n{change.cell}" for change in changes]

@@ -13,12 +13,13 @@ from numpy.typing import NDArray
 
 from slambed.errors import SlambedError
 from slambed.files.atomic import replacing
-from slambed.metrics.catalog import keys_for, metric, own_of
+from slambed.metrics.catalog import keys_for, metric
 from slambed.metrics.comparison import fisher, holm
 from slambed.metrics.metric import Metric, Use
 from slambed.older_names import SUMMARY, summary_of_today
 from slambed.regression.nights import Test, comparable, values_of_nights
 from slambed.report.load import load
+from slambed.report.metrics_versions import own_metrics_in
 from slambed.report.tables import Table
 
 Floats = NDArray[np.float64]
@@ -109,7 +110,7 @@ def judge(
         result.failures.append("the baseline has no valid run: there is nothing to compare with")
     if result.failures:
         return result
-    own = own_of(tonight["system"].dropna().unique()) if "system" in tonight else {}
+    own = own_metrics_in(tonight)
     gated = metrics or keys_for(Use.GATED, own)
     tests: list[Test] = []
     for cell, before in baseline.groupby("cell", sort=False):
@@ -232,7 +233,10 @@ def stored_table(path: Path, needed: Collection[str] = ("cell", "valid")) -> pd.
     """Returns the summaries in a file (Parquet, CSV) with today's column names. Raises SlambedError
     for a file without the needed columns."""
     try:
-        table = pd.read_parquet(path) if path.suffix == ".parquet" else pd.read_csv(path)
+        # A version such as 9 is a text in Parquet and in today's runs.
+        texts = {"metrics_version": str, "run_key": str}
+        parquet = path.suffix == ".parquet"
+        table = pd.read_parquet(path) if parquet else pd.read_csv(path, dtype=texts)
         table = table_of_today(table)
     except (OSError, ValueError) as broken:
         reason = str(broken).partition("\n")[0]

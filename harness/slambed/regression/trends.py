@@ -12,11 +12,13 @@ from pathlib import Path
 import pandas as pd
 
 from slambed.errors import SlambedError
-from slambed.metrics.catalog import keys_for, metric, own_of
+from slambed.metrics.catalog import keys_for, metric
 from slambed.metrics.metric import Metric, Use
 from slambed.metrics.statistics import Interval
 from slambed.regression.gate import BASELINE_NIGHTS, HISTORY_COLUMNS, judge, stored_table
+from slambed.regression.nights import comparable
 from slambed.report.cells import estimate, text
+from slambed.report.metrics_versions import own_metrics_in
 
 STEP_ALPHA = 0.005
 """Chance of a false mark per night, for each direction. The gate's own level (0.05) would give
@@ -95,7 +97,7 @@ def trends_of(history: pd.DataFrame) -> list[ExperimentTrends]:
 
 def _experiment(name: str, rows: pd.DataFrame) -> ExperimentTrends:
     nights = sorted(rows["night_utc"].astype(str).unique())[-MOST_NIGHTS:]
-    own = own_of(rows["system"].dropna().unique()) if "system" in rows else {}
+    own = own_metrics_in(rows)
     items = [metric(key, own) for key in keys_for(Use.GATED, own) if key in rows]
     found: dict[str, dict[str, Trend]] = {}
     for night in nights:
@@ -129,8 +131,7 @@ def _steps(name: str, rows: pd.DataFrame, nights: list[str]) -> Iterator[Step]:
         tonight = rows[rows["night_utc"].eq(night)]
         by_begin: dict[int, list[tuple[str, str]]] = {}
         for cell in tonight.loc[tonight["valid"].eq(True), "cell"].unique():
-            own = own_of(tonight["system"].dropna().unique()) if "system" in tonight else {}
-            for key in keys_for(Use.GATED, own):
+            for key in keys_for(Use.GATED, own_metrics_in(tonight)):
                 place = (str(cell), key)
                 begin = max(begins.get(place, 0), index - BASELINE_NIGHTS)
                 by_begin.setdefault(begin, []).append(place)
@@ -145,6 +146,7 @@ def _changes(
     name: str, before: pd.DataFrame, tonight: pd.DataFrame, places: list[tuple[str, str]]
 ) -> Iterator[Step]:
     """Yields what the gate's rule calls worse tonight, and with sides swapped, better tonight."""
+    before, _ = comparable(before, tonight)
     keys = sorted({key for _, key in places})
     for worse in (True, False):
         sides = (before, tonight) if worse else (tonight, before)

@@ -9,7 +9,7 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from slambed.metrics.changes import paired_share_change, paired_shift, share_change, shift
-from slambed.metrics.comparison import fisher, mann_whitney, mcnemar, signed_rank
+from slambed.metrics.comparison import fisher, least_p, mann_whitney, mcnemar, signed_rank
 from slambed.metrics.metric import Metric
 from slambed.metrics.robust_accuracy import failure_ranked
 from slambed.metrics.statistics import Interval, finite
@@ -35,6 +35,8 @@ class MetricContrast:
     """Effect size in words, without a unit."""
     p_value: float
     paired: bool
+    least_p: float
+    """The smallest p value that so many runs can give."""
 
     @property
     def runs(self) -> int:
@@ -70,7 +72,8 @@ def contrast(item: Metric, a: pd.DataFrame, b: pd.DataFrame) -> MetricContrast |
         p_value, change = test.p_value, shift(x, y)
     p_value = 1.0 if np.isnan(p_value) else p_value
     middle = float(np.median(x)), float(np.median(y))
-    return MetricContrast(*middle, change, effect, p_value, pairs is not None)
+    least = least_p(len(x), pairs is not None, len(y))
+    return MetricContrast(*middle, change, effect, p_value, pairs is not None, least)
 
 
 def _of_shares(x: Floats, y: Floats, paired: bool) -> MetricContrast:
@@ -81,7 +84,8 @@ def _of_shares(x: Floats, y: Floats, paired: bool) -> MetricContrast:
         change = share_change(x, y)
     share_a, share_b = float(x.mean()), float(y.mean())
     effect = f"{100 * (share_b - share_a):+.0f} points"
-    return MetricContrast(share_a, share_b, change, effect, p_value, paired)
+    least = least_p(len(x), paired, len(y))
+    return MetricContrast(share_a, share_b, change, effect, p_value, paired, least)
 
 
 def paired_by_seed(a: pd.DataFrame, b: pd.DataFrame) -> tuple[pd.DataFrame, pd.DataFrame] | None:

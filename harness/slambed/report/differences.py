@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 import pandas as pd
 
 from slambed.metrics.catalog import keys_for
-from slambed.metrics.comparison import USUAL_ALPHA, holm, least_p, runs_to_show
+from slambed.metrics.comparison import USUAL_ALPHA, holm, runs_to_show
 from slambed.metrics.metric import Metric, Use
 from slambed.metrics.robust_accuracy import LEAST_COVERAGE
 from slambed.report.cells import metrics_asked, text
@@ -72,7 +72,7 @@ def differences(
 
 
 def _could_show(d: Difference, comparisons: int) -> bool:
-    return least_p(d.found.runs, d.found.paired) * comparisons <= USUAL_ALPHA
+    return d.found.least_p * comparisons <= USUAL_ALPHA
 
 
 def _pairs(
@@ -146,7 +146,7 @@ def difference_table(found: list[Difference], between: str = SYSTEMS) -> Table:
 
 def _power(found: list[Difference]) -> str:
     """Returns how many runs the comparisons without enough runs would have needed."""
-    blind = [d for d in found if not d.possible]
+    blind = [d for d in found if not d.possible and d.p_value > USUAL_ALPHA]
     if not blind:
         return ""
     needed = max(runs_to_show(len(found), d.found.paired) for d in blind)

@@ -18,7 +18,7 @@ from slambed.data.stand_in import played_instead
 from slambed.data.trajectory import Trajectory, read_tum
 from slambed.errors import SlambedError
 from slambed.files.json_file import object_or_empty
-from slambed.metrics.catalog import SUMMARY_KEYS, metric, metrics_of, own_of
+from slambed.metrics.catalog import SUMMARY_KEYS, metric, metrics_of
 from slambed.metrics.collect import events_file, events_today, stored_log
 from slambed.metrics.declared import described_by
 from slambed.metrics.events import EventLog
@@ -29,7 +29,7 @@ from slambed.report.board_facts import COLUMNS as BOARD
 from slambed.report.board_facts import board_facts
 from slambed.report.busy_host import held_up, waited
 from slambed.report.link_stalls import stalled_links
-from slambed.report.metrics_versions import REMEDY, described, old_version, refused_runs
+from slambed.report.metrics_versions import REMEDY, old_version, own_metrics_in, refused_runs
 from slambed.report.own_programs import program_fact
 from slambed.spec.experiment import DEVICE_PACE
 
@@ -91,7 +91,7 @@ class Results:
     @cached_property
     def own_metrics(self) -> dict[str, Metric]:
         """Returns the systems' own metrics by key."""
-        return own_of(described(self.runs).dropna().unique())
+        return own_metrics_in(self.runs)
 
     def metric(self, key: str) -> Metric:
         return metric(key, self.own_metrics)

@@ -7,7 +7,8 @@ from pathlib import Path
 
 import pandas as pd
 
-from slambed.metrics.catalog import version_for
+from slambed.metrics.catalog import own_of, version_for
+from slambed.metrics.metric import Metric
 
 REMEDY = "'slambed report {name} --again' computes them from the stored events"
 
@@ -15,6 +16,12 @@ REMEDY = "'slambed report {name} --again' computes them from the stored events"
 def described(runs: pd.DataFrame) -> "pd.Series[str]":
     """Returns the key of each run's system description, or the system's name if unknown."""
     return runs["described"] if "described" in runs else runs["system"]
+
+
+def own_metrics_in(runs: pd.DataFrame) -> dict[str, Metric]:
+    """Returns the own metrics of all systems of these runs by key."""
+    known = "described" in runs or "system" in runs
+    return own_of(described(runs).dropna().unique()) if known else {}
 
 
 def refused_runs(runs: pd.DataFrame, truths: dict[str, Path]) -> dict[str, str]:

@@ -18,15 +18,23 @@ def told(results: Results) -> str:
     if not len(runs):
         return ""
     more = len(valid) - len(runs)
-    were = "were" if more > 1 else "was"
-    return _of_measured(runs) + (f"; {more} more {were} not measured." if more else ".")
+    ended = int(runs["not_completed"].eq(True).sum())
+    parts = [
+        _of_measured(runs),
+        f"{ended} of them did not complete" if ended and len(runs) > 1 else "",
+        f"{more} more {'were' if more > 1 else 'was'} not measured" if more else "",
+    ]
+    return "; ".join(part for part in parts if part) + "."
 
 
 def _of_measured(runs: pd.DataFrame) -> str:
     """Returns the sentence without its full stop."""
     lost = runs["lost"].eq(True)
     if not lost.any():
-        return f"No run of {len(runs)} lost track" if len(runs) > 1 else "The run kept track"
+        if len(runs) > 1:
+            return f"No run of {len(runs)} lost track"
+        ended = runs["not_completed"].eq(True).any()
+        return "The run kept track" + (", and did not complete" if ended else "")
     if lost.all():
         return f"Every run of {len(runs)} lost track" if len(runs) > 1 else "The run lost track"
     groups = sorted(

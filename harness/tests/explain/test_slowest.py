@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Reasons of the slowest frames: computing, limits, the host, earlier frames."""
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -11,7 +12,7 @@ from results_factory import STALLED_FRAME, RawRun, write_raw
 
 from slambed.errors import ExitCode, SlambedError
 from slambed.explain.run_log import RunLog, RunStatus, read_run
-from slambed.explain.slowest import SlowFrame, report_lines, slowest
+from slambed.explain.slowest import SlowFrame, line_of, report_lines, slowest
 
 FRAMES = 30
 EVERY_S = 0.1
@@ -80,6 +81,14 @@ def run_of(
     return RunLog(
         Path("run"), "a run", log, None, RunStatus(virtual=virtual), pd.DataFrame(samples)
     )
+
+
+def test_a_system_without_stages_may_have_computed_all_the_time() -> None:
+    run = run_of(7, wall_ms=80.0, cpu_ms=80.0)
+    silent = replace(run, events=run.events[run.events["type"] != "stage"])
+    found = the_slowest(silent)
+    assert found.cause == "unknown" and found.waiting_ms == 0
+    assert "waiting" not in line_of(found)
 
 
 def the_slowest(run: RunLog) -> SlowFrame:

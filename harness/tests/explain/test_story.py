@@ -71,7 +71,7 @@ def test_how_a_run_ended_and_why_it_is_invalid_is_reported() -> None:
     assert lines[1:5] == [
         "the system timed out: no frame for 30 s",
         "invalid: RTT error 9 ms",
-        "attempt 3, the earlier ones were invalid",
+        "attempt 3, the earlier ones were invalid or were run again on request",
         "steal: neighbors took 4.2 % of this host's CPU time",
     ]
 

@@ -31,6 +31,7 @@ LOG = [
     event(4.0, "state_changed", **{"from": "OS", "to": "MES"}),
     event(5.0, "queue", length=6, kind="down"),
     event(9.0, "state_changed", **{"from": "MES", "to": "OS"}),
+    event(9.5, "idle", length=0.0),
     event(12.0, "frame_tracked", state="ok"),
     event(13.0, "state_changed", **{"from": "OS", "to": "MES"}),
 ]
@@ -62,6 +63,8 @@ def run_of(events: list[dict[str, Any]]) -> RunData:
         ({"event": "queue", "take": "max", "field": "length"}, 10.0),
         ({"event": "queue", "take": "last", "field": "length"}, 6.0),
         ({"event": "queue", "take": "max", "field": "kind"}, None),
+        ({"event": "queue", "take": "rate", "field": "length"}, 150.0),
+        ({"event": "idle", "take": "rate", "field": "length"}, None),
     ],
 )
 def test_what_is_taken(declaration: dict[str, Any], expected: float | None) -> None:

@@ -144,6 +144,14 @@ def test_positions_alone_have_an_ate_and_no_relative_error(tmp_path: Path) -> No
     assert {found[key] for key in relative} == {None}
 
 
+def test_a_known_place_needs_to_know_where_the_camera_looked(tmp_path: Path) -> None:
+    raw = write_raw(tmp_path / "raw", RawRun(edge=False, lost_at_s=((3.0, 4.0),)))
+    run = RunData(raw, KeptSpec.of(spec_of("orbslam2", "default", None, 0)))
+    truth = read_tum(raw / "groundtruth.txt")
+    write_tum(raw / "groundtruth.txt", replace(truth, has_orientation=False))
+    assert run.tracking.track_losses == 1 and run.known_place_s is None
+
+
 def test_one_camera_is_known_where_the_run_names_a_containers_folder(tmp_path: Path) -> None:
     raw = write_raw(tmp_path / "raw", RawRun(edge=False))
     (raw / "run.json").write_text(json.dumps({"sequence": "/sequence"}))

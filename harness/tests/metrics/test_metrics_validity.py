@@ -74,6 +74,22 @@ def test_steal_is_reported_as_steal(tmp_path: Path) -> None:
     assert "(steal: neighbors took 10.0 % of this host's CPU time)" in found["invalid_reason"]
 
 
+def test_steal_of_a_board_is_none_of_the_hosts(tmp_path: Path) -> None:
+    """Each machine counts from its own boot."""
+    raw = write_raw(tmp_path / "raw", RawRun())
+    rows = [json.loads(line) for line in (raw / "samples.jsonl").read_text().splitlines()]
+    for row in rows:
+        row["host_steal_s"] = 3000.0 if row["node"] == "edge" else 0.0
+    (raw / "samples.jsonl").write_text("".join(json.dumps(row) + "\n" for row in rows))
+    manifest = json.loads((raw / "manifest.json").read_text())
+    manifest["board"] = {
+        "name": "pi", "address": "10.0.0.2", "edge_address": "10.0.0.1", "cores": 4,
+        "architecture": "aarch64", "model": "a board", "kernel": "6.1.0",
+    }  # fmt: skip
+    (raw / "manifest.json").write_text(json.dumps(manifest))
+    assert summarize_run(raw, EDGE_SPEC)["host_steal_percent"] == pytest.approx(0.0)
+
+
 def test_a_stall_of_the_host_is_reported_and_judged_where_asked(tmp_path: Path) -> None:
     raw = write_raw(tmp_path / "raw", RawRun(stall_ms=250))
     found = summarize_run(raw, EDGE_SPEC)

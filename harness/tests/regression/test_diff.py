@@ -85,6 +85,28 @@ def test_equal_folders_differ_by_chance_as_rarely_as_documented() -> None:
     assert wrong <= 9
 
 
+def test_metrics_in_words_are_left_out() -> None:
+    """Experiments with faults name `faults`, such as `kill 8.0-`."""
+    rng = np.random.default_rng(7)
+    a, b = results(rng), results(rng)
+    for side in (a, b):
+        side.runs["faults"] = "kill 8.0-"
+        side.spec["report"] = {"metrics": ["faults", "coverage"]}
+    assert {change.metric.key for change in diff(a, b)} == {"coverage"}
+
+
+def test_few_runs_against_many_can_show_a_change() -> None:
+    """3 of 23 runs can be placed in 1,771 ways, so p can be 0.0011."""
+    rng = np.random.default_rng(8)
+    many, few = (results(rng, slower, engine="local") for slower in (1.0, 9.0))
+    few.runs = few.runs[few.runs["seed"] < 3].reset_index(drop=True)
+    for change in diff(many, few, ["track_ms_median"]):
+        assert change.possible and change.verdict == "worse"
+    few.runs = few.runs[few.runs["seed"] < 2].reset_index(drop=True)
+    many.runs = many.runs[many.runs["seed"] < 3].reset_index(drop=True)
+    assert {c.verdict for c in diff(many, few, ["track_ms_median"])} == {"too few runs to show any"}
+
+
 def test_live_runs_are_not_paired_and_need_a_larger_change() -> None:
     rng = np.random.default_rng(3)
     found = diff(results(rng, engine="local"), results(rng, 1.5, engine="local"), NAMES)

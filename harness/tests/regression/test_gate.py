@@ -6,12 +6,14 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pytest
+import yaml
 from command_line import refused, slambed
 
 from slambed.errors import SlambedError
 from slambed.metrics.catalog import metric
 from slambed.metrics.comparison import holm
 from slambed.metrics.robust_accuracy import LEAST_COVERAGE
+from slambed.native import repository_root
 from slambed.regression import nights
 from slambed.regression.gate import ALPHA, append_history, is_relevant, judge, read_runs
 from slambed.regression.nights import worsening_p
@@ -296,6 +298,26 @@ def test_runs_of_other_experiments_are_none_of_this_one(tmp_path: Path) -> None:
     code, out, _ = slambed(*line, "--history", str(history))
     assert code == 1 and "no runs of quikstart" in out and "FAIL: " in out
     assert not history.exists()
+
+
+def test_a_baseline_in_csv_has_the_same_metrics_version(tmp_path: Path) -> None:
+    tonight = some_runs(np.random.default_rng(5)).assign(metrics_version="9")
+    tonight.to_csv(tmp_path / "summary.csv", index=False)
+    baseline, _ = read_runs(tmp_path / "summary.csv")
+    result = judge(baseline, tonight)
+    assert result.passed and result.notes == []
+
+
+def test_gated_metrics_of_a_system_in_a_file_are_judged(tmp_path: Path) -> None:
+    file = tmp_path / "opencv_odometry" / "system.yaml"
+    file.parent.mkdir()
+    example = repository_root() / "examples" / "opencv_odometry" / "system.yaml"
+    own = {"doc": "x", "event": "seen", "take": "count", "gated": True, "better": "higher"}
+    file.write_text(example.read_text() + yaml.safe_dump({"metrics": {"seen_count": own}}))
+    rng = np.random.default_rng(5)
+    runs = some_runs(rng).assign(system="opencv_odometry", described=str(file), seen_count=3)
+    result = judge(runs, runs)
+    assert "seen_count" in {finding.metric.key for finding in result.findings}
 
 
 @pytest.mark.parametrize(

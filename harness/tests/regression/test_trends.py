@@ -52,6 +52,25 @@ def test_a_step_is_marked_once_and_its_end_too(history: Path) -> None:
     assert all(len(trend.points) == NIGHTS for cell in found.cells.values() for trend in cell)
 
 
+def test_the_same_virtual_runs_of_many_nights_are_no_more_evidence_than_one() -> None:
+    """Six runs against those of 29 nights would show any difference; six pairs do not."""
+    faster = [0.88, 0.89, 0.3, 0.4, 0.85, 0.2]
+    nights = []
+    for night in range(30):
+        runs = some_runs(
+            np.random.default_rng(1),
+            6,
+            track_ms_median=lambda i, last=night == 29: (10 + i / 10) * (faster[i] if last else 1),
+        )
+        runs = runs.assign(engine="virtual", seed=runs["repetition"], metrics_version="9")
+        runs["run_key"] += f" {night}"
+        nights.append(
+            runs.assign(night_utc=f"2026-04-{night + 1:02}", passed=True, commit=commit(night))
+        )
+    (found,) = trends_of(pd.concat(nights, ignore_index=True))
+    assert found.steps == []
+
+
 def test_quiet_nights_have_no_mark() -> None:
     rng = np.random.default_rng(12)
     nights = [

@@ -182,7 +182,15 @@ def runs(*rows: tuple[str, str, bool | None]) -> Results:
     """Results of valid runs: label, link, and whether track was lost; None is not measured."""
     table = pd.DataFrame(rows, columns=["label", "profile", "lost"])
     table = table.assign(valid=True, dataset="room", cell=table["label"] + "/" + table["profile"])
-    return Results(Path("x"), "x", table)
+    return Results(Path("x"), "x", table.assign(not_completed=False))
+
+
+def test_the_sentence_names_runs_that_died_without_a_loss() -> None:
+    one, five = runs(("a", "none", False)), runs(*[("a", "none", False)] * 5)
+    one.runs["not_completed"] = True
+    five.runs.loc[:1, "not_completed"] = True
+    assert told(one) == "The run kept track, and did not complete."
+    assert told(five) == "No run of 5 lost track; 2 of them did not complete."
 
 
 @pytest.mark.parametrize(
