@@ -259,6 +259,8 @@ class DockerEngine(ThisHostEngine):
         """Restarts the same container: its start barrier is open, and its network still exists."""
         assert isinstance(dead, DockerNode)
         with daemon_failures(f"start the {plan.role} node again"):
+            # Until the daemon knows that it has ended, it would not start it.
+            dead.exit_code()
             node = self._node(plan, dead.container, dead.keeper)
         dead.give_up()
         return node

@@ -10,6 +10,8 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
+import psutil
+
 from slambed.engines import launcher
 from slambed.engines.base import (
     NODE_UID,
@@ -38,7 +40,7 @@ from slambed.errors import KilledError, PassingError, SlambedError, environment_
 from slambed.native import find_program
 from slambed.process.endings import ended_from_outside, ending
 from slambed.records.manifest import EngineFacts
-from slambed.sampling.cgroup import CgroupPaths, CgroupReader
+from slambed.sampling.cgroup import CgroupPaths, CgroupReader, GroupProcesses
 from slambed.spec.runtime import Runtime
 from slambed.spec.system import Role
 
@@ -59,6 +61,8 @@ class LocalNode:
         self._watch = ProcessWatch(process.pid)
         self.paths = paths
         self._namespace_fd = -1
+        self.several_processes = False
+        """A user's program, which may have started others."""
 
     def keep_namespace(self) -> None:
         """Keeps the network namespace until `remove`, even without the process."""
@@ -103,15 +107,34 @@ class LocalNode:
         if self._process.poll() is None:
             self._watch.signal(signal.SIGKILL)
             self._process.wait(KILL_TIMEOUT_S)
+        if self.several_processes:
+            self._signal_all(signal.SIGKILL)
 
     def freeze(self, frozen: bool) -> None:
-        """Sends SIGSTOP or SIGCONT to its process group."""
-        if self._process.poll() is None:
-            os.killpg(self.pid, signal.SIGSTOP if frozen else signal.SIGCONT)
+        """Sends SIGSTOP or SIGCONT to its process group, or to all that a user's program started:
+        these have groups of their own."""
+        if self._process.poll() is not None:
+            return
+        number = signal.SIGSTOP if frozen else signal.SIGCONT
+        if self.several_processes:
+            self._signal_all(number)
+        else:
+            os.killpg(self.pid, number)
 
     def is_frozen(self) -> bool:
-        """Returns whether its program is stopped."""
-        return is_stopped(self.pid)
+        """Returns whether its program is stopped, with all that it started."""
+        if not self.several_processes:
+            return is_stopped(self.pid)
+        return not any(map(_can_run, GroupProcesses(self.paths).pids()))
+
+    def _signal_all(self, number: signal.Signals) -> None:
+        """Signals all processes of its cgroup, and those that they start meanwhile."""
+        group, done = GroupProcesses(self.paths), set[int]()
+        while new := set(group.pids()) - done:
+            for pid in sorted(new):
+                with contextlib.suppress(ProcessLookupError):
+                    os.kill(pid, number)
+            done |= new
 
     def remove(self) -> None:
         """Kills the process and removes its cgroups."""
@@ -126,6 +149,14 @@ class LocalNode:
             folders.add(self.paths.unified)
         for folder in folders:
             remove(folder)
+
+
+def _can_run(pid: int) -> bool:
+    try:
+        status = psutil.Process(pid).status()
+    except psutil.NoSuchProcess:
+        return False
+    return status not in (psutil.STATUS_STOPPED, psutil.STATUS_ZOMBIE)
 
 
 class LocalEngine(ThisHostEngine):
@@ -266,6 +297,7 @@ class LocalEngine(ThisHostEngine):
             os.close(ready_write)
             ready_write = -1
             node = LocalNode(plan.role, process, paths)
+            node.several_processes = plan.runtime is not None
             log_file = role_dir / "log.txt"
             if (problem := _problem_at_barrier(ready_read, node, log_file)) is not None:
                 node.remove()

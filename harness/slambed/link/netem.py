@@ -63,7 +63,8 @@ class NetemShaper:
         self, mobile: Path, edge: Path, profile: Profile, seed: int, log_dir: Path, o: LinkOptions
     ) -> None:
         self._profile = profile
-        self._mobile, self._edge = mobile, edge
+        # Held, because the drops are read when the nodes have ended.
+        self._namespaces = [os.open(path, os.O_RDONLY | os.O_CLOEXEC) for path in (mobile, edge)]
         self._rates = [_bytes_per_s(side) for side in (profile.up, profile.down)]
         self._limits = _limits(profile)
         chains = [all_or_none(side) for side in (profile.up, profile.down)]
@@ -144,7 +145,8 @@ class NetemShaper:
     def stop(self, t0_ns: int) -> ShaperReport:
         """Removes the pair; reports the applied settings with their times, and the kernel's
         drops."""
-        drops = {"up": _dropped(self._mobile), "down": _dropped(self._edge)}
+        up, down = (_dropped(Path(f"/proc/self/fd/{fd}")) for fd in self._namespaces)
+        drops = {"up": up, "down": down}
         self.abort()
         times = np.array([(at - t0_ns) / 1e9 for at, _ in self._applied])
         applied = np.array([values for _, values in self._applied]).reshape(-1, 4)
@@ -171,6 +173,8 @@ class NetemShaper:
             self._thread.join()
         for end in self._ends:
             end.close()
+        while self._namespaces:
+            os.close(self._namespaces.pop())
         self._pair.remove()
 
 

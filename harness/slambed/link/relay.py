@@ -41,6 +41,9 @@ FIFO_PRIORITY = 20
 BIN_S = 0.05
 MATCH_NS = 2_000_000_000
 """Maximum time difference between a record and the echo with the same sequence number."""
+MATCH_BACK_NS = 300_000_000_000
+"""The same for an echo on its way back, which a queue on its way up may have delayed. Its number
+comes again after 54 minutes."""
 
 
 class RelayReady(Message):
@@ -270,7 +273,11 @@ def extra_delays_of(packets: pd.DataFrame, echoes: Echoes) -> ExtraDelays:
             places.setdefault(int(tag), []).append(place)
         found = np.zeros(len(echoes))
         for index, (tag, sent) in enumerate(zip(echoes.sequence, echoes.sent_ns, strict=True)):
-            near = [p for p in places.get(int(tag), []) if abs(times[p] - sent) < MATCH_NS]
+            own_records = places.get(int(tag), [])
+            if direction == 0:
+                near = [p for p in own_records if abs(times[p] - sent) < MATCH_NS]
+            else:  # it turns when the way up is done, which a queue there may delay
+                near = [p for p in own_records if 0 <= times[p] - sent < MATCH_BACK_NS]
             if near:
                 found[index] = wait_ms[min(near, key=lambda p: abs(times[p] - sent))]
         ways.append(found)

@@ -129,6 +129,9 @@ class LinkSession:
                     "is a firewall in one of the namespaces?"
                 )
             self._shaper.apply()
+            if options.probe_hz > 0:
+                # Opened while both nodes wait: one that crashes at once takes its namespace along.
+                self._probe = Probe(self._mobile, EDGE_ADDRESS, options.probe_hz)
         except BaseException as error:
             is_explained = isinstance(error, PassingError) or not isinstance(error, Exception)
             died = None if is_explained else _dies(self._shaper)
@@ -143,8 +146,7 @@ class LinkSession:
         assert self._shaper is not None, "the link is closed"
         self._t0_ns = t0_ns
         self._shaper.start(t0_ns)
-        if self._options.probe_hz > 0:
-            self._probe = Probe(self._mobile, EDGE_ADDRESS, self._options.probe_hz)
+        if self._probe is not None:
             self._probe.start()
 
     def alive(self) -> bool:

@@ -79,7 +79,9 @@ def recorded_rate(side: Side, traces: Mapping[str, list[int]]) -> str:
     if side.rate is None or side.rate.trace is None:
         return ""
     times_ms = traces[side.rate.trace]
-    seconds = np.bincount(np.asarray(times_ms[:-1]) // 1000)[: max(times_ms[-1] // 1000, 1)]
+    whole = max(times_ms[-1] // 1000, 1)
+    packets = np.asarray(times_ms[:-1], dtype=np.int64) // 1000
+    seconds = np.bincount(packets, minlength=whole)[:whole]
     mbps = seconds * MAHIMAHI_PACKET_BITS / 1e6
     return (
         f"recorded rate: mean {mean_rate_mbps(times_ms):.2f} Mbit/s, in single seconds "

@@ -88,7 +88,14 @@ class PlainShaper:
         self, mobile: Path, edge: Path, profile: Profile, seed: int, log_dir: Path, o: LinkOptions
     ) -> None:
         self._pair = VethPair(mobile, edge, o)
-        self._watch = NetemControl(mobile, DEVICE)
+        # Each holds its namespace: the pair would go with that of a node that has ended.
+        self._ends: list[NetemControl] = []
+        try:
+            for namespace in (mobile, edge):
+                self._ends.append(NetemControl(namespace, DEVICE))
+        except BaseException:
+            self.abort()
+            raise
 
     def apply(self) -> None:
         """Does nothing."""
@@ -98,7 +105,8 @@ class PlainShaper:
 
     def died(self) -> str | None:
         """Returns None while the device exists."""
-        return None if self._watch.device_there() else f"device {DEVICE} went away"
+        there = all(end.device_there() for end in self._ends)
+        return None if there else f"device {DEVICE} went away"
 
     def stop(self, t0_ns: int) -> ShaperReport:
         """Removes the pair."""
@@ -109,5 +117,6 @@ class PlainShaper:
 
     def abort(self) -> None:
         """Removes the pair."""
-        self._watch.close()
+        for end in self._ends:
+            end.close()
         self._pair.remove()

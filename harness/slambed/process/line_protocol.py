@@ -20,6 +20,7 @@ from pydantic import BaseModel, ConfigDict, TypeAdapter, ValidationError
 from slambed.errors import ExitCode, PassingError, SlambedError, environment_error
 
 STOP_TIMEOUT_S = 10.0
+LAST_WORDS_S = 1.0
 CHUNK_BYTES = 65536
 
 
@@ -192,6 +193,9 @@ class LineProcess:
             self._process.stdin.write(line_of(request))
             self._process.stdin.flush()
         except OSError:
+            # A failure that it wrote before it ended says more than its end.
+            while isinstance(self._hear(kind, LAST_WORDS_S), Note):
+                pass
             raise self._ended("ended") from None
         while isinstance(answer := self._hear(kind, timeout_s), Note):
             note(answer.line)

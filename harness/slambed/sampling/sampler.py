@@ -34,6 +34,9 @@ class NodeWatch:
     earlier: Usage | None = None
     """Final counters of a cgroup that was removed with its process."""
     seen: Usage | None = None
+    """The last counters, with those of `earlier`."""
+    counted_s: float = 0.0
+    """The last CPU time of the cgroup itself."""
 
     def follow(self, pid: int) -> None:
         """Switches to a new process of the node. If its cgroup is new, the old counters are
@@ -41,13 +44,16 @@ class NodeWatch:
         self.reader.close()
         self.reader = CgroupReader(paths_of(pid))
         self.run_queue.follow(pid)
-        if self.seen is not None and self.reader.usage().cpu_s < self.seen.cpu_s:
-            self.earlier = self.seen
+        self.usage()
 
     def usage(self) -> Usage:
         """Returns the current counters, including nested cgroups. Raises OSError when the cgroup
         is gone."""
         usage = self.reader.usage()
+        if usage.cpu_s < self.counted_s:
+            # A new cgroup. It may have the path of the old one, and be read before `follow`.
+            self.earlier = self.seen
+        self.counted_s = usage.cpu_s
         if self.earlier is not None:
             usage = replace(
                 usage,

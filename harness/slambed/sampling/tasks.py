@@ -45,6 +45,7 @@ class RunQueueDelay:
         self._pid = pid
         self._group = group
         self._files = KeptFiles()
+        self._open: set[str] = set()
         self._delay_ns: dict[int, int] = {}
 
     def follow(self, pid: int) -> None:
@@ -53,8 +54,15 @@ class RunQueueDelay:
 
     def seconds(self) -> float | None:
         """Returns the sum over all threads so far; None if the kernel does not report it."""
-        for pid, tid in threads_of(self._pid, self._group):
-            path = f"/proc/{pid}/task/{tid}/schedstat"
+        paths = {
+            f"/proc/{pid}/task/{tid}/schedstat": tid
+            for pid, tid in threads_of(self._pid, self._group)
+        }
+        # Files of ended threads would add up: some programs start threads for every frame.
+        for path in self._open - paths.keys():
+            self._files.forget(path)
+        self._open = set(paths)
+        for path, tid in paths.items():
             try:
                 self._delay_ns[tid] = int(self._files.read(path).split()[1])
             except (OSError, IndexError):

@@ -6,6 +6,7 @@ import json
 import os
 import re
 import signal
+import subprocess
 import threading
 import time
 from collections.abc import Iterator
@@ -13,18 +14,19 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
+import psutil
 import pytest
 from harness_parts import IdleLink, device, needs_root, nodes_of_tests, run_spec, stand_in
 from waiting import in_background, until
 
 from slambed.engines.base import NodePlan, allot_cpus, differences, netns, parse_cpus
-from slambed.engines.cgroups import CgroupMaker
+from slambed.engines.cgroups import CgroupMaker, entry_files
 from slambed.engines.live_run import LiveRun
-from slambed.engines.local import LocalEngine
+from slambed.engines.local import LocalEngine, LocalNode
 from slambed.engines.result import InterruptedRunError, RunResult
 from slambed.engines.written_bytes import KEPT_BYTES
 from slambed.errors import SlambedError
-from slambed.sampling.cgroup import Granted, mounted
+from slambed.sampling.cgroup import Granted, GroupProcesses, mounted
 from slambed.spec.device import Board, Device, Limits
 from slambed.spec.faults import Fault
 from slambed.spec.host_speed import UNKNOWN, HostSpeed
@@ -389,6 +391,29 @@ def test_a_frozen_edge_stands_still_and_goes_on(bench: Bench) -> None:
     assert [state for _, state, _, _ in probe.seen] == ["", "T", ""], probe.seen
     assert len({pid for pid, _, _, _ in probe.seen}) == 1
     assert faults_of(bench) == [("fault_began", "freeze"), ("fault_ended", "freeze")]
+
+
+def test_all_that_a_users_program_started_is_frozen_woken_and_killed() -> None:
+    """Its own children have process groups of their own."""
+    paths = CgroupMaker().make("test-several", Limits(), sorted(os.sched_getaffinity(0)))
+    join = "".join(f"echo $$ > {file}; " for file in entry_files(paths))
+    child = "setsid sh -c 'while :; do sleep 0.01; done' & wait"
+    process = subprocess.Popen(["/bin/sh", "-c", join + child], stdin=subprocess.PIPE)
+    node = LocalNode("edge", process, paths)
+    node.several_processes = True
+    group = GroupProcesses(paths)
+    try:
+        until(lambda: len(group.pids()) >= 2, "its child")
+        node.freeze(True)
+        until(node.is_frozen, "the freeze")
+        frozen = group.pids()
+        assert {psutil.Process(pid).status() for pid in frozen} == {psutil.STATUS_STOPPED}
+        node.freeze(False)
+        until(lambda: not node.is_frozen(), "the end of the freeze")
+        node.kill()
+        until(lambda: not group.pids(), "the end of all")
+    finally:
+        node.remove()
 
 
 def test_an_edge_frozen_at_the_end_may_still_end(bench: Bench) -> None:

@@ -159,3 +159,20 @@ def test_the_packet_log_says_what_an_echo_waited(tmp_path: Path) -> None:
     extra = extra_delays_of(packets, seen)
     assert list(extra.up_ms) == [5, 0, 1]
     assert list(extra.down_ms) == [0, 0, 0]
+
+
+def test_an_echo_that_waited_long_on_its_way_up_is_found_on_its_way_back(tmp_path: Path) -> None:
+    records = np.zeros(3, dtype=RECORD)
+    records["protocol"] = 1
+    records["tag"] = 1
+    records["direction"] = [1, 0, 1]
+    # The first is a ping before the run, which has the same number.
+    records["in_ns"] = T0 + np.array([-1, 0, 5]) * 1_000_000_000
+    records["profile_ns"] = 20_000_000
+    waits_ms = np.array([9, 4_980, 3])
+    records["due_ns"] = records["in_ns"] + 20_000_000 + waits_ms * 1_000_000
+    file = tmp_path / "packets.bin"
+    file.write_bytes(records.tobytes())
+    seen = Echoes(np.array([1]), np.array([T0]), np.array([5_023.0]))
+    extra = extra_delays_of(read_packets(file), seen)
+    assert (list(extra.up_ms), list(extra.down_ms)) == ([4_980], [3])

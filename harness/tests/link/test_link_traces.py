@@ -5,12 +5,15 @@ import json
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
+from unittest.mock import Mock
 
+import numpy as np
 import pytest
 
 from slambed.errors import SlambedError
 from slambed.link.named_profile import read_profile
 from slambed.link.profile import Profile, load_profile, parse_profile
+from slambed.link.summary import recorded_rate
 from slambed.link.traces import at_full_paths, mean_rate_mbps, read_rate_trace
 from slambed.spec.recorded_part import RecordedPart
 from slambed.spec.run_spec import LinkSpec
@@ -414,6 +417,20 @@ def test_one_lost_reply_is_no_gap_and_two_are(tmp_path: Path) -> None:
         in str(error.value)
     )
     assert "'max_gap_s: 4' under trace" in str(error.value)
+
+
+def test_an_outage_is_suggested_to_the_millisecond_however_late(tmp_path: Path) -> None:
+    times = [*np.arange(0.0, 1234.0, 0.5), 1240.0, 1240.5]
+    lines = "".join(f"{t},20\n" for t in times)
+    with pytest.raises(SlambedError, match=r"start_s: 1233.75, length_s: 6\}"):
+        trace(tmp_path, f"time_s,rtt_ms\n{lines}")
+
+
+def test_a_recorded_rate_of_one_packet_and_one_with_silence_are_told() -> None:
+    side = Mock()
+    for times_ms, told in (([12], "mean 1.00 Mbit/s"), ([100, 5000], "0.00 to 0.01")):
+        side.rate.trace = "rate.log"
+        assert told in recorded_rate(side, {"rate.log": times_ms})
 
 
 def test_duplicates_and_replies_out_of_order(tmp_path: Path) -> None:

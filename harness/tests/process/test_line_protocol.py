@@ -39,6 +39,9 @@ while (line := requests.next(None)) is not None:
         send(sys.stdout, Failure.of(SlambedError("no such file, x")))
     elif b"garbage" in line:
         print("half a li", flush=True)
+    elif b"last words" in line:
+        send(sys.stdout, Failure.of(SlambedError("cannot cap a thread, run as root")))
+        sys.exit(0)
     elif b"leave" in line:
         sys.exit("error: no more memory, peer")
 """
@@ -105,6 +108,16 @@ def test_an_answer_is_of_the_kind_that_was_asked_for(peer: LineProcess) -> None:
     assert raised.value.code == ExitCode.INTERNAL
     peer.close()
     assert not peer.alive()
+
+
+def test_a_failure_between_two_requests_is_not_lost(peer: LineProcess) -> None:
+    assert peer._process.stdin is not None
+    peer._process.stdin.write(line_of(Asked(request="last words")))
+    peer._process.stdin.flush()
+    peer._process.wait(20.0)
+    with pytest.raises(SlambedError, match="cannot cap a thread, run as root") as raised:
+        peer.ask(Asked(request="twice"), Reply, 20.0)
+    assert not isinstance(raised.value, PassingError)
 
 
 def test_a_failure_stays_what_it_was_on_the_other_side(peer: LineProcess) -> None:

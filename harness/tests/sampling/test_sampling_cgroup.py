@@ -8,6 +8,7 @@ import subprocess
 import threading
 import time
 from pathlib import Path
+from unittest.mock import Mock
 
 import pytest
 from harness_parts import needs_root
@@ -16,7 +17,15 @@ from waiting import LIMIT_S
 from slambed.engines.cgroups import CgroupMaker, entry_files, remove
 from slambed.link.scratch import two_namespaces
 from slambed.process.namespaces import inside
-from slambed.sampling.cgroup import CgroupPaths, CgroupReader, Mount, mounted, paths_of, version
+from slambed.sampling.cgroup import (
+    CgroupPaths,
+    CgroupReader,
+    Mount,
+    Usage,
+    mounted,
+    paths_of,
+    version,
+)
 from slambed.sampling.sampler import NodeWatch, Sampler
 from slambed.sampling.tasks import Pressure, RunQueueDelay
 from slambed.sampling.tcp_info import TcpState, TcpWatch, newest
@@ -151,6 +160,31 @@ def test_time_on_the_run_queue_is_counted_over_threads_that_ended() -> None:
     second = delay.seconds()
     assert first is not None and second is not None and second >= first >= 0
     assert RunQueueDelay(1 << 22).seconds() is None
+
+
+def test_files_of_ended_threads_are_closed() -> None:
+    """Some programs start threads for every frame."""
+    delay = RunQueueDelay(os.getpid())
+    for _ in range(5):
+        thread = threading.Thread(target=time.sleep, args=(0.05,), daemon=True)
+        thread.start()
+        delay.seconds()
+        thread.join(LIMIT_S)
+    delay.seconds()
+    links = [Path(f"/proc/self/fd/{fd}").readlink() for fd in delay._files._fds.values()]
+    assert links and all(link.exists() for link in links)
+    delay.close()
+
+
+def test_counters_of_a_cgroup_that_began_again_are_added() -> None:
+    """Docker's restart makes a cgroup of the same path, which is read before anybody says so."""
+    counted = iter([1.0, 3.0, 0.25, 0.5, 0.125, 2.0])
+    reader = Mock()
+    reader.usage = lambda: Usage(next(counted), 1, 0.5, 1, 1)
+    watch = NodeWatch("edge", reader, Mock(), Mock())
+    found = [watch.usage() for _ in range(6)]
+    assert [usage.cpu_s for usage in found] == [1.0, 3.0, 3.25, 3.5, 3.625, 5.5]
+    assert [usage.throttled_s for usage in found] == [0.5, 0.5, 1.0, 1.0, 1.5, 1.5]
 
 
 def test_pressure_is_the_groups_own_where_it_has_it(tmp_path: Path) -> None:
