@@ -2,9 +2,12 @@
 """A live run on one of several hosts: the data sent to the worker, and its execution there."""
 
 import hashlib
+import shutil
 import sys
 import tempfile
 import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
@@ -69,13 +72,11 @@ def execute_there(run: HostRun) -> tuple[Summary, bytes]:
     """Executes the run on the host; returns its summary and its packed folder."""
     (host,) = _HERE
     try:
-        with host.busy, tempfile.TemporaryDirectory(dir=host.scratch) as scratch:
-            # Nodes run as another user and need access.
-            Path(scratch).chmod(0o755)
-            raw = Path(scratch) / run.spec.run_key
+        with host.busy, _scratch(host.scratch) as scratch:
+            raw = scratch / run.spec.run_key
             raw.mkdir()
             raw.chmod(0o755)
-            spec = _at_home(run, Path(scratch))
+            spec = _at_home(run, scratch)
             played = {spec.dataset: (remote_sequence(spec, run.sequence), run.played_s)}
             executor = LiveExecutor(host.engine, host.open_link, played, command=run.command)
             summary = executor.execute(spec, raw, host.stop, run.attempt)
@@ -88,6 +89,18 @@ def execute_there(run: HostRun) -> tuple[Summary, bytes]:
     except SlambedError as error:
         error.args = (f"host {host.facts.name}: {error}",)
         raise
+
+
+@contextmanager
+def _scratch(parent: Path) -> Iterator[Path]:
+    """Makes a folder for one run. Nodes run as another user: they need access, and what they leave
+    there may be removable only by root, which must not cost the result."""
+    scratch = Path(tempfile.mkdtemp(dir=parent))
+    try:
+        scratch.chmod(0o755)
+        yield scratch
+    finally:
+        shutil.rmtree(scratch, ignore_errors=True)
 
 
 def prepare_there(spec: RunSpec, there: Path) -> None:

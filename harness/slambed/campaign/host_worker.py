@@ -11,6 +11,7 @@ import asyncio
 import hashlib
 import logging
 import os
+import shutil
 import signal
 import socket
 import subprocess
@@ -125,9 +126,11 @@ def _work(asked: JoinCampaign, requests: LineReader, answer: Callable[[Message],
         if asked.take:
             load = str(wait_for_quiet(asked.quiet_s, threading.Event(), notice, ended))
         server_folder.sweep(SCRATCH)
-        scratch = until_the_end.enter_context(tempfile.TemporaryDirectory(prefix=SCRATCH))
-        until_the_end.callback(os.close, server_folder.locked(Path(scratch)))
-        Path(scratch).chmod(0o755)  # nodes run as another user and need access
+        scratch = Path(tempfile.mkdtemp(prefix=SCRATCH))
+        # Nodes may leave what only root can remove.
+        until_the_end.callback(shutil.rmtree, scratch, ignore_errors=True)
+        until_the_end.callback(os.close, server_folder.locked(scratch))
+        scratch.chmod(0o755)  # nodes run as another user and need access
         facts = RunHost(
             name=asked.name,
             labels=asked.labels,
@@ -136,7 +139,7 @@ def _work(asked: JoinCampaign, requests: LineReader, answer: Callable[[Message],
             speed_measured_utc=speed.measured_utc,
         )
         open_link = HelperLinkOpener(engine) if engine.unprivileged else open_for_run
-        host = ThisHost(engine, open_link, facts, Path(scratch))
+        host = ThisHost(engine, open_link, facts, scratch)
         begin(host)
 
         def joined(worker: str) -> None:

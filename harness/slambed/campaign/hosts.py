@@ -2,6 +2,7 @@
 """The hosts of a campaign: joined, and checked to execute identical runs."""
 
 import tempfile
+import threading
 from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager, suppress
@@ -15,6 +16,7 @@ from slambed.campaign.host_connection import Credentials, HostConnection
 from slambed.campaign.host_executor import HostExecutor, Place, end_all, leave
 from slambed.campaign.host_messages import Joined
 from slambed.campaign.host_run import foreign_there
+from slambed.campaign.remote_result import LostWorkerError, result_of
 from slambed.errors import SlambedError, environment_error
 from slambed.spec.experiment import Experiment
 from slambed.spec.hosts import Host
@@ -83,13 +85,20 @@ class JoinedHosts:
         differ."""
         found: dict[str, dict[str, str]] = {}
         for name, place in self.places.items():
-            found[name] = self._client.submit(
+            future = self._client.submit(
                 foreign_there,
                 experiment,
                 self.software,
                 pure=False,
                 workers=[place.facts.worker],
-            ).result()
+            )
+            try:
+                found[name] = result_of(future, threading.Event(), place.connection.alive)
+            except LostWorkerError:
+                words = place.connection.last_words()
+                raise environment_error(
+                    f"host {name} is gone" + (f" ({words})" if words else "")
+                ) from None
         first, *others = found
         for name in others:
             for system, tag in found[name].items():

@@ -15,6 +15,8 @@ from slambed.campaign.manifest import manifest
 from slambed.campaign.recordings import Recording, played_frames
 from slambed.data.prepared import SEQUENCE_FILE, PreparedSequence
 from slambed.engines.result import RunResult
+from slambed.errors import SlambedError
+from slambed.files.json_file import read_object
 from slambed.metrics.digest import digest
 from slambed.metrics.parquet import to_parquet
 from slambed.metrics.run_data import REFERENCE_FILE, RunData
@@ -34,11 +36,27 @@ class Start:
 
 
 def prepare_raw(spec: RunSpec, raw: Path) -> Start:
-    """Copies the run's inputs into its folder; called immediately before the run."""
+    """Copies the run's inputs into its folder; called immediately before the run. Raises
+    SlambedError if an input is gone or changed: a node would refuse it, which is a result."""
+    for masks in filter(None, [spec.masks, *spec.further_masks]):
+        masks.must_be_there()
     inputs.copy_inputs(raw, {name: str(spec.params[name]) for name in spec.inputs}, spec.inputs)
     if spec.reference:
         shutil.copyfile(spec.reference, raw / REFERENCE_FILE)
     return Start(utc_now(), os.getloadavg()[0])
+
+
+def must_be_prepared(spec: RunSpec, sequence: Path) -> None:
+    """Raises SlambedError if the sequence of a run is gone or became another one, which a node
+    would refuse: that is a result, which no later campaign makes again. Reads only its header."""
+    header = sequence / SEQUENCE_FILE
+    found = read_object(header)
+    if found is None:
+        raise SlambedError(
+            f"{header} is gone or damaged; start the campaign again, which prepares it"
+        )
+    if found.get("checksum") != spec.sequence_checksum:
+        raise SlambedError(f"{header} has changed since the campaign began; start it again")
 
 
 def add_summary(

@@ -7,6 +7,8 @@ from functools import cache
 from pathlib import Path
 
 from slambed.campaign.datasets import prepare_sequence
+from slambed.campaign.raw_folder import must_be_prepared
+from slambed.campaign.store import kept_of
 from slambed.errors import SlambedError
 from slambed.files.json_file import read_object
 from slambed.spec.run_spec import RunSpec
@@ -20,6 +22,7 @@ def remote_sequence(spec: RunSpec, there: Path) -> Path:
     found, checksum = _prepared(spec.dataset)
     if checksum != spec.sequence_checksum:
         raise SlambedError(f"dataset {spec.dataset} is another one here: checksum {checksum[:12]}")
+    must_be_prepared(spec, found)  # may have been deleted since this worker prepared it
     return found
 
 
@@ -30,12 +33,15 @@ def _prepared(dataset: str) -> tuple[Path, str]:
 
 
 def pack(folder: Path) -> bytes:
-    """Packs the files of a result, without raw logs, whose content is in its tables."""
+    """Packs the files of a result that the store keeps, without raw logs, whose content is in its
+    tables. Whatever else a program left there, such as a link to anywhere, stays behind."""
     packed = io.BytesIO()
     with tarfile.open(fileobj=packed, mode="w") as archive:
-        for path in sorted(folder.rglob("*")):
-            if path.is_file() and path.suffix != ".jsonl":
-                archive.add(path, path.relative_to(folder).as_posix())
+        kept = [folder / name for name in kept_of(folder)]
+        for whole in (path for path in kept if not path.is_symlink()):
+            for path in [whole, *sorted(whole.rglob("*"))]:
+                if path.is_file() and not path.is_symlink() and path.suffix != ".jsonl":
+                    archive.add(path, path.relative_to(folder).as_posix())
     return packed.getvalue()
 
 

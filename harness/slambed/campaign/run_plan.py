@@ -162,6 +162,9 @@ def _fill(
         runner = Runner(
             folder, ledger, executor, options.retries, forced, options.keep_going, options.plans
         )
+        runner.there = len(wanted) - len(todo)
+        if not (options.hosts or options.scheduler or options.slurm):  # those have their own
+            runner.sequences = {id: sequence.path for id, sequence in plan.sequences.items()}
         if overall is not None:
             runner.may_start = lambda: not overall.is_used_up
         if isinstance(executor, HostExecutor):

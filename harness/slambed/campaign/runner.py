@@ -17,6 +17,7 @@ from slambed.campaign.folder import ResultFolder
 from slambed.campaign.ledger import Ledger
 from slambed.campaign.manifest import add_plans
 from slambed.campaign.progress import Reporter
+from slambed.campaign.raw_folder import must_be_prepared
 from slambed.campaign.store import LOGS
 from slambed.engines.result import InterruptedRunError
 from slambed.errors import KilledError, PassingError, SlambedError, no_space
@@ -99,6 +100,10 @@ class Runner:
     """Paper -> digests of its registered plan at the start of this campaign, for the manifests."""
     may_start: Callable[[], bool] = lambda: True
     """Whether another run may be started; runs under way end as usual."""
+    there: int = 0
+    """Runs that were asked for and are there from earlier campaigns: the environment worked."""
+    sequences: dict[str, Path] = field(default_factory=dict)
+    """Sequence id -> prepared folder that runs read on this machine; checked before each run."""
     pauses_s: tuple[float, ...] = PAUSES_S
     places: Places = field(default_factory=AnyPlace)
     _verdict: CampaignOutcome = field(default_factory=CampaignOutcome)
@@ -167,6 +172,8 @@ class Runner:
             reporter.run_started(spec)
             self._log("run_started", spec, repetition=spec.repetition)
         try:
+            if spec.dataset in self.sequences:
+                must_be_prepared(spec, self.sequences[spec.dataset])
             raw = self.folder.new_raw(spec.run_key)
             attempt = self.folder.store.attempts_of(spec.run_key) + 1
             summary = self.executor.execute(spec, raw, stop, attempt)
@@ -224,7 +231,8 @@ class Runner:
             reporter.run_failed(item.spec, f"{line}; it is tried again", last=False)
             return self.pauses_s[item.failures - 1]
         self._given_up_in_a_row += 1
-        hopeless = not self._verdict.done or self._given_up_in_a_row >= MOST_GIVEN_UP
+        ever = self.there or self._verdict.done
+        hopeless = not ever or self._given_up_in_a_row >= MOST_GIVEN_UP
         if hopeless and not self.keep_going:
             raise error
         self._verdict.given_up[item.spec.run_key] = line

@@ -7,6 +7,7 @@ import contextlib
 import fcntl
 import os
 import shutil
+import tempfile
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Literal
@@ -109,6 +110,9 @@ class RunStore:
         assert self.work is not None
         raw = self.work / run_key
         shutil.rmtree(raw, ignore_errors=True)
+        if raw.exists():
+            # Something of another user is in it, such as a container's; its name is still ours.
+            raw.rename(tempfile.mkdtemp(prefix=f"{run_key}.", dir=self.work))
         raw.mkdir()
         # Nodes in containers run as another user and need access.
         raw.chmod(0o755)
@@ -131,19 +135,8 @@ class RunStore:
         tidy = self.work / f"{run_key}.whole"
         shutil.rmtree(tidy, ignore_errors=True)
         (tidy / LOGS).mkdir(parents=True)
-        for name in RESULT_FILES:
-            _move(raw / name, tidy / name)
-        for table in raw.glob("*.parquet"):
-            _move(table, tidy / table.name)
-        for name in MOBILE_FILES:
-            _move(raw / "mobile" / name, tidy / name)
-        for name in ("run.json", "start.json", "log.txt"):
-            _move(raw / name, tidy / LOGS / name)
-        for role in ROLES:
-            for name in NODE_FILES:
-                _move(raw / role / name, tidy / LOGS / role / name)
-        if (raw / "link").is_dir():
-            _move(raw / "link", tidy / LOGS / "link")
+        for name, place in kept_of(raw).items():
+            _move(raw / name, tidy / place)
         self.put(run_key, tidy, replace)
         shutil.rmtree(raw, ignore_errors=True)
 
@@ -174,6 +167,18 @@ class RunStore:
             shutil.rmtree(folder, ignore_errors=True)
 
 
+def kept_of(raw: Path) -> dict[str, str]:
+    """Returns name in a raw folder -> name in the store, of all that is kept if it exists."""
+    kept = {name: name for name in RESULT_FILES}
+    kept |= {table.name: table.name for table in raw.glob("*.parquet")}
+    kept |= {f"mobile/{name}": name for name in MOBILE_FILES}
+    kept |= {name: f"{LOGS}/{name}" for name in ("run.json", "start.json", "log.txt")}
+    kept |= {f"{role}/{name}": f"{LOGS}/{role}/{name}" for role in ROLES for name in NODE_FILES}
+    if (raw / "link").is_dir():
+        kept["link"] = f"{LOGS}/link"
+    return kept
+
+
 @contextlib.contextmanager
 def _locked(path: Path) -> Iterator[None]:
     """Holds a lock, which the kernel releases even if this process is killed."""
@@ -186,12 +191,16 @@ def _locked(path: Path) -> Iterator[None]:
 
 
 def _is_locked(path: Path) -> bool:
+    """Returns whether somebody holds the lock, or may hold it."""
     try:
-        fd = os.open(path, os.O_RDWR | os.O_CLOEXEC)
-    except OSError:
+        # Another user's file may be only readable, and NFS gives a reader only shared locks.
+        fd = os.open(path, os.O_RDONLY | os.O_CLOEXEC)
+    except FileNotFoundError:
         return False
+    except OSError:
+        return True
     try:
-        fcntl.flock(fd, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        fcntl.flock(fd, fcntl.LOCK_SH | fcntl.LOCK_NB)
     except BlockingIOError:
         return True
     finally:

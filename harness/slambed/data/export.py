@@ -10,6 +10,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from slambed.data.association import MAX_DIFFERENCE_S, match_nearest
 from slambed.data.export_part import Part, Progress
 from slambed.data.layouts import SENSORS
 from slambed.data.prepared import PreparedSequence, move_into_place, partial_folder
@@ -33,8 +34,8 @@ def export(
     (image_0, image_1, times.txt, calib.txt, poses.txt) or mcap (a ROS 2 bag).
 
     Images are gray, as played, for kitti without the distortion of their lens; `indices` selects
-    frames, default all. Raises SlambedError for a layout that does not support the sensor, and if
-    `path` exists.
+    frames, default all. Raises SlambedError for a layout that does not support the sensor, for
+    kitti if a frame has no true pose, and if `path` exists.
     """
     if layout not in FORMATS:
         raise SlambedError(f"unknown format '{layout}'; known: {', '.join(FORMATS)}")
@@ -52,11 +53,13 @@ def export(
             f"the ground truth of {sequence.info.id} has positions alone, and {layout} holds "
             "poses; leave it out of the dataset's file"
         )
+    every = np.arange(len(sequence))
+    part = Part(sequence, every if indices is None else indices, with_truth, progress)
+    if truth is not None and layout == "kitti":
+        _must_know_all(part, truth)
     partial = partial_folder(path)
     try:
         partial.mkdir(parents=True)
-        every = np.arange(len(sequence))
-        part = Part(sequence, every if indices is None else indices, with_truth, progress)
         # The file inside a bag has the name of its folder.
         folder = partial / path.name
         if layout == "mcap":
@@ -165,12 +168,32 @@ def _kitti(part: Part, folder: Path) -> None:
         np.savetxt(folder / "poses.txt", poses.reshape(-1, 12), fmt="%.9e")
 
 
+def _must_know_all(part: Part, truth: Trajectory) -> None:
+    """Raises SlambedError if a frame has no measured pose near it, and none soon before and after
+    it to interpolate between: poses.txt has a line for each frame, which would be invented."""
+    from slambed.data.camera_motion import LONGEST_GAP_S  # loads scipy
+
+    times_s, stamps_s = part.recorded_s, truth.stamps_s
+    gaps_s = np.diff(stamps_s, prepend=-np.inf, append=np.inf)
+    known = gaps_s[np.searchsorted(stamps_s, times_s)] <= LONGEST_GAP_S
+    known[match_nearest(times_s, stamps_s, MAX_DIFFERENCE_S)[0]] = True
+    if known.all():
+        return
+    info = part.sequence.info
+    others = [name for name in FORMATS if name != "kitti" and info.sensor in FORMATS[name]]
+    raise SlambedError(
+        f"the ground truth of {info.id} has no pose for {np.count_nonzero(~known)} of {len(known)} "
+        f"frames, the first at {part.sequence.times_s[part.indices][~known][0]:.3f} s, and kitti "
+        f"holds one for each; take {' or '.join(others)}, or leave the ground truth out of the "
+        "dataset's file"
+    )
+
+
 def _at_frames(part: Part, truth: Trajectory) -> NDArray[np.float64]:
     """Returns the true pose of every frame (n, 3, 4), interpolated between measurements."""
     from scipy.spatial.transform import Slerp
 
-    sequence = part.sequence
-    times_s = sequence.info.time_origin_s + sequence.times_s[part.indices]
+    times_s = part.recorded_s
     inside = np.clip(times_s, truth.stamps_s[0], truth.stamps_s[-1])
     poses = np.zeros((len(times_s), 3, 4))
     poses[:, :, :3] = Slerp(truth.stamps_s, truth.rotations())(inside).as_matrix()

@@ -39,6 +39,12 @@ class Part:
         steps = np.diff(self.indices)
         return self.sequence.info.fps / (float(np.median(steps)) if len(steps) else 1.0)
 
+    @property
+    def recorded_s(self) -> NDArray[np.float64]:
+        """Recorded times of the selected frames, which the ground truth uses."""
+        times_s = self.sequence.info.time_origin_s + self.sequence.times_s[self.indices]
+        return np.asarray(times_s, dtype=np.float64)
+
     def truth(self) -> Trajectory | None:
         """Returns the ground truth, if it exists and is exported."""
         return self.sequence.groundtruth() if self.with_truth else None

@@ -4,13 +4,17 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from functools import lru_cache
+from pathlib import Path
 from typing import Any, Self
 
 from pydantic import BaseModel, ConfigDict
 
 from slambed.errors import SlambedError
+from slambed.files.outputs import is_file
 from slambed.segment import TRUTH
 from slambed.segment.network import load_network
+from slambed.spec.inputs import sha256_of
 from slambed.spec.system import Scalar, System
 
 
@@ -49,6 +53,12 @@ class MasksAsked:
         return [replace(self, n_m=n_m) for n_m in asked]
 
 
+@lru_cache(maxsize=256)
+def _digest(path: str, size: int, mtime_ns: int) -> str:
+    """Returns the digest of a file, computed once as long as the file stays as it is."""
+    return sha256_of(Path(path))
+
+
 class Masks(BaseModel):
     """The masks of a run: the network that computes them and, once they exist, their file."""
 
@@ -62,6 +72,18 @@ class Masks(BaseModel):
     is."""
     sha256: str = ""
     """Digest of the file; in live runs, which have no file, digest of the network."""
+
+    def must_be_there(self) -> None:
+        """Raises SlambedError if the file is gone, or is not the one that the run was planned
+        with."""
+        if not self.path:
+            return  # a live run, which segments by itself
+        file = Path(self.path)
+        if not is_file(file):
+            raise SlambedError(f"{self.path} is gone; start the campaign again, which makes masks")
+        now = file.stat()
+        if self.sha256 and _digest(self.path, now.st_size, now.st_mtime_ns) != self.sha256:
+            raise SlambedError(f"{self.path} has changed since the campaign began; start it again")
 
     def meaning(self) -> dict[str, Any]:
         """Returns the part of the run key."""

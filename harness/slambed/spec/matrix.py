@@ -309,7 +309,7 @@ def _faults(
         if own and faults:
             raise source.complaint(f"system {system.name} has no edge that could fail", at)
         return []
-    end_s = _playback_end_s(experiment.playback, host)
+    end_s = _playback_end_s(experiment.playback, experiment.datasets_of(choice), host)
     for index, fault in enumerate(faults):
         if host.engine == VIRTUAL and fault.edge in ("kill", "restart"):
             raise source.complaint(
@@ -321,13 +321,14 @@ def _faults(
     return faults
 
 
-def _playback_end_s(playback: Playback, host: Circumstances) -> float:
-    """Returns the run time at which the shortest playback ends, as far as known; otherwise
-    infinity."""
+def _playback_end_s(playback: Playback, datasets: list[str], host: Circumstances) -> float:
+    """Returns the run time at which the shortest playback of these datasets ends, as far as known;
+    otherwise infinity."""
     if playback.mode != "realtime":
         return math.inf  # a frame may take arbitrarily long
     asked = [] if playback.end_s is None else [playback.end_s - playback.start_s]
-    return min([*asked, *host.played_s.values()], default=math.inf)
+    known = [host.played_s[name] for name in datasets if name in host.played_s]
+    return min([*asked, *known], default=math.inf)
 
 
 def _end_must_be_inside(experiment: Experiment, source: YamlSource, host: Circumstances) -> None:

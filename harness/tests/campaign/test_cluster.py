@@ -351,6 +351,11 @@ def test_a_run_travels_without_its_raw_logs(tmp_path: Path) -> None:
     (away / "summary.json").write_text("{}")
     (away / "mobile" / "trajectory.txt").write_text("0 0 0 0 0 0 0 1\n")
     (away / "mobile" / "events.jsonl").write_text("{}\n")
+    # What a program may leave besides: unpacking a link to anywhere would be refused.
+    (away / "mobile" / "anywhere").symlink_to("/etc/passwd")
+    (away / "mobile" / "map.slm").symlink_to("/etc/passwd")
+    (away / "mobile" / "log.txt").symlink_to(away)
+    (away / "mobile" / "cache.bin").write_text("large")
     unpack(pack(away), home)
     found = sorted(p.relative_to(home).as_posix() for p in home.rglob("*") if p.is_file())
     assert found == ["mobile/trajectory.txt", "summary.json"]

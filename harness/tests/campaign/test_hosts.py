@@ -5,6 +5,7 @@ import json
 import threading
 from collections import Counter
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import pandas as pd
@@ -13,12 +14,15 @@ from command_line import refused
 from harness_parts import run_spec
 from virtual_parts import Quiet
 
+from slambed.campaign import host_run
 from slambed.campaign.backlog import Backlog
 from slambed.campaign.folder import ResultFolder
 from slambed.campaign.host_connection import Credentials, HostConnection
 from slambed.campaign.host_executor import HostExecutor, Place, preference
 from slambed.campaign.host_messages import Joined
+from slambed.campaign.host_run import HostRun, ThisHost, begin, execute_there
 from slambed.campaign.host_worker import harness_digest
+from slambed.campaign.hosts import JoinedHosts
 from slambed.campaign.ledger import Ledger
 from slambed.campaign.runner import Runner
 from slambed.errors import ExitCode, KilledError, SlambedError
@@ -278,6 +282,50 @@ def test_a_campaign_ends_when_no_host_comes_back(
     assert raised.value.code == ExitCode.ENVIRONMENT
     hosts._over.set()
     folder.close()
+
+
+class Never:
+    """A task of a worker that is gone."""
+
+    def done(self) -> bool:
+        return False
+
+    def cancel(self) -> None: ...
+
+
+def test_a_host_that_dies_before_the_plan_is_a_line() -> None:
+    line = Line()
+    line.close()
+    joined = object.__new__(JoinedHosts)
+    joined.places = {"a": Place(Host(name="a", address="a"), line, FACTS)}  # type: ignore[arg-type]
+    joined.software = "s"
+    joined._client = SimpleNamespace(submit=lambda *_, **__: Never())
+    with pytest.raises(SlambedError, match=r"^host a is gone \(Connection closed by") as raised:
+        joined.foreign(None)  # type: ignore[arg-type]
+    assert raised.value.code == ExitCode.ENVIRONMENT
+
+
+def test_what_nobody_can_remove_on_a_host_costs_no_result(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def execute(spec: RunSpec, raw: Path, *_: Any) -> Summary:
+        (raw / "summary.json").write_text("{}")
+        return Summary(valid=True, outcome="completed")
+
+    def refuse(*_: Any, **__: Any) -> None:
+        raise PermissionError("a container's user owns it")
+
+    facts = SimpleNamespace(name="me", as_json=dict)
+    begin(ThisHost(None, None, facts, tmp_path))  # type: ignore[arg-type]
+    executor = SimpleNamespace(execute=execute)
+    monkeypatch.setattr(host_run, "LiveExecutor", lambda *_, **__: executor)
+    monkeypatch.setattr(host_run, "remote_sequence", lambda *_: tmp_path)
+    monkeypatch.setattr(host_run, "add_facts", lambda *_: None)
+    run = HostRun(run_spec(), tmp_path, 0.5, [], 1, tmp_path, None)
+    with monkeypatch.context() as patch:
+        patch.setattr("os.rmdir", refuse)
+        summary, _ = execute_there(run)
+    assert summary.valid
 
 
 def test_tables_name_hosts_where_several_made_the_runs() -> None:

@@ -13,6 +13,7 @@ from harness_parts import run_spec
 from virtual_parts import fingerprints, make_sequence, needs_programs, plan_of
 
 from slambed.campaign.folder import ResultFolder
+from slambed.campaign.raw_folder import prepare_raw
 from slambed.commands.main import run_command
 from slambed.data.prepared import PreparedSequence
 from slambed.errors import SlambedError
@@ -22,6 +23,7 @@ from slambed.segment.mask_cache import LABELS_FILE, MaskCache
 from slambed.segment.masks import encode_jpeg
 from slambed.segment.network import load_network
 from slambed.spec import library
+from slambed.spec.inputs import sha256_of
 from slambed.spec.masks import Masks, MasksAsked
 
 PEOPLE = ("--labels", "--sensor", "mono", "--trajectory", "xyz", "--people", "2", "--activity",
@@ -111,6 +113,23 @@ def test_masks_are_in_the_run_key_by_their_content(crossing: Path, tmp_path: Pat
     moved = masked.masks.model_copy(update={"path": "/elsewhere"})
     assert masked.model_copy(update={"masks": other}).run_key != masked.run_key
     assert masked.model_copy(update={"masks": moved}).run_key == masked.run_key
+
+
+def test_masks_that_are_gone_or_changed_make_no_result(tmp_path: Path) -> None:
+    file = tmp_path / "some.masks"
+    file.write_bytes(b"masks")
+    masks = Masks(network="net", n_m=0.5, path=str(file), sha256=sha256_of(file))
+    (tmp_path / "raw").mkdir()
+    for changes in ({"masks": masks}, {"further_masks": [masks]}):
+        file.write_bytes(b"masks")
+        spec = run_spec(**changes)
+        prepare_raw(spec, tmp_path / "raw")
+        file.write_bytes(b"other")
+        with pytest.raises(SlambedError, match=r"some\.masks has changed"):
+            prepare_raw(spec, tmp_path / "raw")
+        file.unlink()
+        with pytest.raises(SlambedError, match=r"some\.masks is gone"):
+            prepare_raw(spec, tmp_path / "raw")
 
 
 @needs_programs

@@ -32,6 +32,7 @@ from slambed.campaign.folder import ResultFolder
 from slambed.campaign.ledger import Ledger
 from slambed.campaign.processes import ProcessExecutor, Worker
 from slambed.campaign.runner import MOST_DEATHS, Runner
+from slambed.data.prepared import SEQUENCE_FILE
 from slambed.engines.result import InterruptedRunError
 from slambed.engines.virtual import NICE, go_behind
 from slambed.errors import ExitCode, KilledError, PassingError, SlambedError
@@ -371,6 +372,26 @@ def test_what_no_run_survives_ends_the_campaign(tmp_path: Path) -> None:
     with pytest.raises(OSError, match="gone"):
         later.run(runs(20), Quiet())
     assert len(later.folder.run_keys()) == 1
+
+
+def test_one_failing_run_does_not_end_a_campaign_that_goes_on(tmp_path: Path) -> None:
+    todo = runs(4)
+    campaign = failing(tmp_path, SlambedError("no such luck"), {todo[0].seed: 99})
+    campaign.there = 3
+    verdict = campaign.run(todo, Quiet())
+    assert (verdict.done, verdict.given_up) == (3, {todo[0].run_key: "no such luck"})
+
+
+def test_a_sequence_that_is_gone_makes_no_result(tmp_path: Path) -> None:
+    campaign = failing(tmp_path, SlambedError("never"), {})
+    campaign.sequences = {"room": tmp_path}
+    with pytest.raises(SlambedError, match=r"sequence\.json is gone"):
+        campaign.run(runs(1), Quiet())
+    (tmp_path / SEQUENCE_FILE).write_text('{"checksum": "another"}')
+    with pytest.raises(SlambedError, match=r"sequence\.json has changed"):
+        campaign.run(runs(1), Quiet())
+    (tmp_path / SEQUENCE_FILE).write_text('{"checksum": "abc"}')
+    assert campaign.run(runs(1), Quiet()).done == 1
 
 
 def test_a_process_that_is_killed_again_and_again_is_given_up(tmp_path: Path) -> None:

@@ -1,8 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
 """The results folder: complete or missing runs, attempts, views and the ledger."""
 
+import errno
 import json
+import os
 import re
+import shutil
 from pathlib import Path
 
 import pytest
@@ -140,6 +143,43 @@ def test_a_campaign_leaves_the_work_of_a_living_one_and_removes_that_of_a_dead_o
     assert raw.is_dir() and not dead.exists()
     for folder in (alive, later):
         folder.close()
+
+
+def test_a_lock_that_only_its_owner_may_write_is_seen(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    alive, later = ResultFolder(tmp_path / "one"), ResultFolder(tmp_path / "two")
+    alive.create()
+    raw = alive.new_raw("0" * 16)
+    opened = os.open
+
+    def foreign(path: Path, flags: int, *rest: int, dir_fd: int | None = None) -> int:
+        """What another user's file answers; as root, no mode of a file would."""
+        if path == raw.parent / ".lock" and flags & os.O_RDWR:
+            raise PermissionError(errno.EACCES, "Permission denied", str(path))
+        return opened(path, flags, *rest, dir_fd=dir_fd)
+
+    with monkeypatch.context() as patch:
+        patch.setattr(os, "open", foreign)
+        later.create()
+    assert raw.is_dir()
+    for folder in (alive, later):
+        folder.close()
+
+
+def test_what_cannot_be_removed_is_moved_out_of_the_way(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    folder = ResultFolder(tmp_path / "tiny")
+    folder.create()
+    for _ in range(2):
+        raw = folder.new_raw("0" * 16)
+        (raw / "mobile").mkdir()
+        monkeypatch.setattr(shutil, "rmtree", lambda *_, **__: None)  # of a container's user
+    assert list(folder.new_raw("0" * 16).iterdir()) == []
+    monkeypatch.undo()
+    folder.close()
+    assert list((tmp_path / ".work").iterdir()) == [tmp_path / ".work" / ".lock"]
 
 
 def test_status_reports_missing_and_invalid_runs(tmp_path: Path) -> None:

@@ -2,9 +2,11 @@
 """Virtual runs give the same bytes for any number of processes, order and cache state."""
 
 from pathlib import Path
+from typing import Any
 
 import pandas as pd
 import pytest
+from rich.console import Console
 from virtual_parts import (
     EXPERIMENT,
     Quiet,
@@ -16,12 +18,19 @@ from virtual_parts import (
     write_experiment,
 )
 
+from slambed.campaign.executors import Played
 from slambed.campaign.folder import ResultFolder
 from slambed.campaign.ledger import Ledger
+from slambed.campaign.options import Options
 from slambed.campaign.plan import Plan
 from slambed.campaign.processes import ProcessExecutor
-from slambed.campaign.runner import Runner
+from slambed.campaign.run_plan import run_plan
+from slambed.campaign.runner import CampaignOutcome, Runner
+from slambed.campaign.store import RunStore
+from slambed.data.prepared import SEQUENCE_FILE
+from slambed.metrics.summary import Summary
 from slambed.native import find_program
+from slambed.spec.library import Library
 from slambed.spec.run_spec import RunSpec
 
 pytestmark = needs_programs
@@ -56,6 +65,39 @@ def test_processes_order_and_cache_leave_no_trace(plan: Plan, tmp_path: Path) ->
     assert names >= {"events.parquet", "link.parquet", "trajectory.txt", "summary.json"}
     again = fingerprints(uncached)
     assert again == {name: first[name] for name in again} and len(again) > 2 * len(specs)
+
+
+def test_a_sequence_that_goes_during_a_campaign_makes_no_results(tmp_path: Path) -> None:
+    sequence = make_sequence(tmp_path / "walk", 1)
+    file = write_experiment(tmp_path, sequence, runs=1)
+    plan, (_, source) = plan_of(file), Library().experiment(str(file))
+    header, away = sequence / SEQUENCE_FILE, tmp_path / SEQUENCE_FILE
+
+    class Vanishing(ProcessExecutor):
+        def execute(self, *given: Any) -> Summary:
+            summary = super().execute(*given)
+            header.rename(away)
+            return summary
+
+    def campaign(kind: type[ProcessExecutor], gone: bool = False) -> CampaignOutcome:
+        def executor_of(played: Played) -> ProcessExecutor:
+            if gone:
+                header.rename(away)
+            return kind(played, find_program("slambed-sim"), None, 1)
+
+        try:
+            options = Options(results=tmp_path / "results")
+            return run_plan(plan, source, options, executor_of, Console())
+        finally:
+            away.rename(header)
+
+    first = campaign(Vanishing)
+    ((lost, why),) = first.given_up.items()
+    assert first.valid == 1 and "sequence.json is gone" in why
+    # The run that is there shows that runs can be made: no error ends this campaign.
+    again = campaign(ProcessExecutor, gone=True)
+    assert again.done == 0 and [*again.given_up] == [lost]
+    assert RunStore(tmp_path / "results").state(lost) == "missing"
 
 
 def test_a_run_that_may_stop_at_its_first_loss_is_the_same_until_then(tmp_path: Path) -> None:

@@ -73,6 +73,31 @@ def test_kitti_comes_back_with_its_camera(tmp_path: Path) -> None:
     assert np.allclose(np.diff(found.positions_m[:, 0]), 0.01, atol=1e-6)
 
 
+@pytest.mark.parametrize(
+    ("stamps_s", "frames", "first_s"),
+    [
+        ([1000.0, 1000.1], 2, "0.200"),  # until the last true pose
+        ([1000.15, 1000.2, 1000.3], 2, "0.000"),  # from the first one
+        ([999.9, 1000.1, 1000.4], 2, "0.200"),  # a long gap
+    ],
+)
+def test_kitti_gets_no_pose_that_was_not_measured(
+    tmp_path: Path, stamps_s: list[float], frames: int, first_s: str
+) -> None:
+    sequence = write_stereo(tmp_path / "prepared")
+    file = sequence.groundtruth_file
+    assert file is not None
+    write_tum(file, trajectory(stamps_s))
+    line = f"no pose for {frames} of 4 frames, the first at {first_s} s.*take euroc or mcap"
+    with pytest.raises(SlambedError, match=line):
+        export(sequence, "kitti", tmp_path / "out")
+    assert not (tmp_path / "out").exists()
+    # Of the frames that have one, the poses are written.
+    known = np.array([1] if stamps_s[0] < 1000.1 else [2, 3])
+    folder = export(sequence, "kitti", tmp_path / "out", indices=known)
+    assert len((folder / "poses.txt").read_text().splitlines()) == len(known)
+
+
 def test_euroc_keeps_times_poses_and_baseline(tmp_path: Path) -> None:
     sequence = write_stereo(tmp_path / "prepared")
     folder = export(sequence, "euroc", tmp_path / "out")

@@ -316,6 +316,18 @@ def test_a_system_plays_only_the_datasets_that_it_names(tmp_path: Path) -> None:
     assert keys[0] == keys[1]  # what else the experiment plays is in no key
 
 
+def test_a_fault_must_be_inside_what_its_own_system_plays(tmp_path: Path) -> None:
+    text = EXPERIMENT.replace("datasets: [room]", "datasets: [room, hall]")
+    text = text.replace("fps: 10, end_s: 2", "fps: 10")
+    fault = "\n    faults: [{at_s: 3, edge: kill}]\n    datasets: "
+    both = {"room": ("synthetic_room", "sum"), "hall": ("synthetic_hall", "other")}
+    host = replace(HOST, datasets=both, played_s={"room": 2.0, "hall": 5.0})
+    hall = text.replace("    variant: better", f"    variant: better{fault}[hall]")
+    assert any(spec.faults for spec in matrix(tmp_path, hall, host=host))
+    room = hall.replace("[hall]", "[room]")
+    assert "kill at 3 s: playback is over at 2 s" in complaint_of(tmp_path, room, host)
+
+
 def test_repetitions_share_their_seed_across_cells(tmp_path: Path) -> None:
     specs = matrix(tmp_path)
     assert {spec.seed for spec in specs if spec.repetition == 1} == {8}
