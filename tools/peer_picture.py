@@ -15,7 +15,7 @@ left out, because its path is shorter. Several sequences get a row of panels eac
 """
 
 import sys
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import product
 from pathlib import Path
 
@@ -68,8 +68,8 @@ PANELS = (
     Panel("cpu", "CPU of the robot, likewise", log=True),
     Panel("memory", "peak memory of the robot, likewise", log=True),
 )
-FEW_PANELS = PANELS[:4]
-"""Of several sequences."""
+FEW_PANELS = (PANELS[0], replace(PANELS[1], title="ATE RMSE [cm]"), *PANELS[2:4])
+"""Of several sequences, with shorter titles."""
 
 
 def runs_of(place: Path) -> pd.DataFrame:
@@ -110,7 +110,7 @@ def draw(runs: pd.DataFrame, target: Path) -> None:
     lines += [
         plt.Line2D([], [], color="gray", linestyle=line, marker=mark, label=words)
         for link, (line, mark, words) in LINKS.items()
-        if link in links
+        if link in links and len(links) > 1
     ]
     figure.legend(handles=lines, loc="outside lower center", ncols=6, frameon=False)
     figure.savefig(target, dpi=100, pil_kwargs={"optimize": True})
