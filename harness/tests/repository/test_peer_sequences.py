@@ -21,6 +21,13 @@ def test_the_page_has_the_table_of_the_kept_runs() -> None:
     assert "\n".join(lines) in PAGE.read_text(encoding="utf-8")
 
 
+def test_the_page_has_the_table_of_the_runs_under_limits() -> None:
+    tool = runpy.run_path(str(ROOT / "tools" / "peer_picture.py"))
+    lines = tool["table"](tool["runs_of"](ROOT / "examples" / "orb_slam3_sensors_at_10_fps.csv"))
+    assert len(lines) == 2 + 18
+    assert "\n".join(lines) in PAGE.read_text(encoding="utf-8")
+
+
 def test_one_system_alone_is_drawn_and_told(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -99,6 +99,7 @@ TEST_F(EdgeRestart, WhatWaitedForTheOldEdgeIsDeclined) {
   const Played run = play_pair(edgeslam(true, false), below, kLife);
   ASSERT_EQ(run.of("edge_restarted").size(), 1u);
   const auto declined = run.of("keyframe_declined");
+  ASSERT_FALSE(declined.empty());
   for (const auto& keyframe : declined) EXPECT_EQ(keyframe["reason"], "of another map");
   const auto id = [](const nlohmann::json& event) {
     return event["keyframe"].get<std::uint64_t>();
