@@ -52,7 +52,8 @@ class ClusterExecutor:
     def execute(self, spec: RunSpec, raw: Path, stop: threading.Event, attempt: int = 1) -> Summary:
         """Submits the run to the cluster and waits for it."""
         sequence, played_s = self.played[spec.dataset]
-        away = RemoteRun(spec, sequence.resolve(), played_s, sys.argv, attempt)
+        reference = Path(spec.reference).read_bytes() if spec.reference else None
+        away = RemoteRun(spec, sequence.resolve(), played_s, sys.argv, attempt, reference)
         try:
             found: tuple[Summary, bytes] = result_of(
                 self.client.submit(execute_remotely, away, pure=False), stop
@@ -219,6 +220,8 @@ class RemoteRun:
     played_s: float
     command: list[str]
     attempt: int
+    reference: bytes | None = None
+    """Content of the path that the run is compared with."""
 
 
 def execute_remotely(away: RemoteRun) -> tuple[Summary, bytes]:
@@ -229,13 +232,18 @@ def execute_remotely(away: RemoteRun) -> tuple[Summary, bytes]:
     with tempfile.TemporaryDirectory(dir=get_worker().local_directory) as scratch:
         raw = Path(scratch) / "raw"
         raw.mkdir()
+        spec = away.spec
+        if away.reference is not None:
+            place = Path(scratch) / "reference"
+            place.write_bytes(away.reference)
+            spec = spec.model_copy(update={"reference": str(place)})
         try:
             task = VirtualTask(
-                away.spec,
+                spec,
                 raw,
-                remote_sequence(away.spec, away.sequence),
+                remote_sequence(spec, away.sequence),
                 away.played_s,
-                _program(away.spec.software, away.spec.system),
+                _program(spec.software, spec.system),
                 cache_folder() / "features",
                 away.command,
                 away.attempt,

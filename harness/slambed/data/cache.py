@@ -33,10 +33,10 @@ class SequenceCache:
         """Returns the sequence of this job from the cache, or prepares it now; `notify` is
         called before waiting."""
         path = self.folder / f"{dataset.id}-{job.key()[:_KEY_DIGITS]}"
-        if (ready := _open_or_none(path)) is not None:
+        if (ready := open_or_none(path)) is not None:
             return ready
         with making(self.folder, dataset.id, f"prepares {dataset.id}", notify):
-            if (ready := _open_or_none(path)) is not None:
+            if (ready := open_or_none(path)) is not None:
                 return ready
             self._sweep(dataset.id)
             self._check_space(job)
@@ -57,7 +57,7 @@ class SequenceCache:
         """Returns the sequence with this content under any name; None if it is not on this
         machine."""
         for folder in self._entries(""):
-            ready = _open_or_none(folder)
+            ready = open_or_none(folder)
             if ready is not None and ready.checksum == checksum:
                 return ready
         return None
@@ -89,7 +89,7 @@ class SequenceCache:
             )
 
 
-def _open_or_none(path: Path) -> PreparedSequence | None:
+def open_or_none(path: Path) -> PreparedSequence | None:
     """Returns None for a damaged entry, which is then prepared again."""
     try:
         if not path.is_dir():

@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from slambed.data import places
-from slambed.data.cache import SequenceCache
+from slambed.data.cache import SequenceCache, open_or_none
 from slambed.data.fetch import shown
 from slambed.data.preparation import Notify, Progress, SourceJob, SynthJob
 from slambed.data.prepared import SEQUENCE_FILE, PreparedSequence
@@ -276,12 +276,16 @@ class Catalog:
 
     def prepared(self, name: str, cache_dir: Path | None = None) -> PreparedSequence | None:
         """Returns the sequence that `prepare` would open without creating it; None if it would
-        have to."""
+        have to, as where a kept one is damaged."""
         dataset = self.whole(self.resolve(name, cache_dir))
         source = self.locate(dataset)
-        if source is None or not is_file(source / SEQUENCE_FILE):
-            source = SequenceCache(places.prepared_folder(cache_dir)).find(dataset)
-        return None if source is None else PreparedSequence.open(source)
+        if source is not None and is_file(source / SEQUENCE_FILE):
+            return PreparedSequence.open(source)
+        kept = SequenceCache(places.prepared_folder(cache_dir)).find(dataset)
+        if kept is None:
+            return None
+        again = source is not None or dataset.synthetic is not None
+        return open_or_none(kept) if again else PreparedSequence.open(kept)
 
     def must_be_here(self, name: str, cache_dir: Path | None = None) -> None:
         """Raises the error of `prepare` for a missing dataset, without preparing it."""

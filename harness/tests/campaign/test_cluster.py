@@ -14,14 +14,17 @@ from collections.abc import Iterator
 from pathlib import Path
 from threading import Event
 from typing import Any
+from unittest.mock import Mock
 
 import pytest
 from command_line import refused, slambed_process
 from distributed import Client
+from harness_parts import run_spec
 from virtual_parts import fingerprints, make_sequence, needs_programs, write_experiment
 from waiting import until
 
-from slambed.campaign.cluster import start_on_slurm
+from slambed.campaign import cluster as cluster_module
+from slambed.campaign.cluster import RemoteRun, execute_remotely, start_on_slurm
 from slambed.campaign.folder import ResultFolder
 from slambed.campaign.ledger import Ledger
 from slambed.campaign.remote_result import LostWorkerError, result_of
@@ -30,6 +33,7 @@ from slambed.engines.result import InterruptedRunError
 from slambed.errors import ExitCode
 from slambed.failures import INTERRUPTED
 from slambed.native import find_program, repository_root
+from slambed.spec.run_spec import RunSpec
 
 RUNS = 3
 CELLS = 2
@@ -145,6 +149,25 @@ def test_a_killed_worker_costs_no_run_and_makes_none_twice(
     for again in (command, command[:-2]):
         code, out, err = slambed_process(*again)
         assert code == ExitCode.OK and f"{RUNS * CELLS} there already" in out, err
+
+
+def test_a_worker_gets_the_path_that_a_run_is_compared_with(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """It has no file of the campaign's machine."""
+    monkeypatch.setattr("distributed.get_worker", lambda: Mock(local_directory=str(tmp_path)))
+    monkeypatch.setattr(cluster_module, "remote_sequence", lambda spec, there: there)
+    monkeypatch.setattr(cluster_module, "_program", lambda software, system: Path("slambed-sim"))
+    seen: list[bytes] = []
+
+    def task(spec: RunSpec, *_: object) -> Mock:
+        seen.append(Path(spec.reference).read_bytes())
+        return Mock()
+
+    monkeypatch.setattr(cluster_module, "VirtualTask", task)
+    spec = run_spec().model_copy(update={"reference": "/not/here/trajectory.txt"})
+    execute_remotely(RemoteRun(spec, tmp_path, 1.0, [], 1, b"0 1 2 3 0 0 0 1\n"))
+    assert seen == [b"0 1 2 3 0 0 0 1\n"]
 
 
 def events(ledger: Ledger) -> list[str]:

@@ -226,6 +226,7 @@ def test_a_source_that_cannot_be_read_is_one_line(
 def test_a_damaged_cache_entry_is_made_again(home: Path) -> None:
     first = catalog(home).prepare("tiny_tum", home / "cache")
     (first.path / "index.bin").write_bytes(b"")
+    assert catalog(home).prepared("tiny_tum", home / "cache") is None
     catalog(home).prepare("tiny_tum", home / "cache").verify()
 
 
