@@ -129,14 +129,13 @@ def match_paper(name: str, jobs: int | None, check: bool) -> None:
     # Simulates once more, so that the table below belongs to the models written.
     fit.look_again(setting)
     _print(match_table(fit))
-    for role, fitted in targets.devices.items():
-        if fitted.given:
-            continue
-        head = f"Found by 'slambed calibrate --match {name}': {targets.title}."
-        for device, model in fit.models(role).items():
-            path = library.root / "catalog" / "devices" / f"{device}.yaml"
-            write_model(path, model, {"": head}, targets.title)
-            typer.echo(f"cost model written to {path}")
+    head = f"Found by 'slambed calibrate --match {name}': {targets.title}."
+    # All of them before the first is written: a device may be refused.
+    models = [fit.models(role) for role, fitted in targets.devices.items() if not fitted.given]
+    for device, model in (pair for of_role in models for pair in of_role.items()):
+        path = library.root / "catalog" / "devices" / f"{device}.yaml"
+        write_model(path, model, {"": head}, targets.title)
+        typer.echo(f"cost model written to {path}")
 
 
 def worst_line(fit: Fit) -> str:

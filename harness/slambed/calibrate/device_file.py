@@ -11,6 +11,7 @@ from ruamel.yaml.comments import CommentedMap
 from ruamel.yaml.error import YAMLError
 
 from slambed.errors import SlambedError, environment_error
+from slambed.files.atomic import replacing
 from slambed.spec.device import CostModel, StageCost
 
 MODEL = "model"
@@ -51,7 +52,8 @@ def write_model(path: Path, model: CostModel, comments: Mapping[str, str], title
     written = io.StringIO()
     yaml.dump(device, written)
     try:
-        path.write_text(written.getvalue(), encoding="utf-8")
+        with replacing(path) as whole:
+            whole.write_text(written.getvalue(), encoding="utf-8")
     except OSError as error:
         raise environment_error(f"cannot write {path}: {error.strerror}") from None
 

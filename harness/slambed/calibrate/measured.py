@@ -4,6 +4,7 @@
 from pathlib import Path
 
 import pandas as pd
+import pyarrow as pa
 import pyarrow.parquet as pq
 
 from slambed.errors import SlambedError
@@ -45,7 +46,11 @@ def _has_events(folder: Path) -> bool:
 
 def _stages(run: Path) -> pd.DataFrame:
     if (parquet := run / "events.parquet").is_file():
-        table = pq.read_table(parquet, columns=["type", *COLUMNS]).to_pandas()
+        try:
+            table = pq.read_table(parquet, columns=["type", *COLUMNS]).to_pandas()
+        except (OSError, pa.ArrowException) as error:
+            why = str(error).partition("\n")[0]
+            raise SlambedError(f"{parquet} is damaged: {why}; leave that run out") from None
         return events_today(pd.DataFrame(table[table["type"] == "stage"][COLUMNS]))
     events = [{key: e.get(key) for key in COLUMNS} for e in read_events(run).of("stage")]
     return pd.DataFrame(events, columns=COLUMNS)

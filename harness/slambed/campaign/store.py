@@ -162,9 +162,21 @@ class RunStore:
         place.rename(kept / f"{sum(1 for _ in kept.iterdir()) + 1}")
 
     def remove(self, run_key: str) -> None:
-        """Deletes a run with all its attempts."""
-        for folder in (self.runs / run_key, self.attempts / run_key):
-            shutil.rmtree(folder, ignore_errors=True)
+        """Deletes a run with all its attempts. It is moved away first, because what is left of an
+        interrupted removal must not count as a run. Raises SlambedError if it cannot be removed."""
+        everybody = self.results / WORK
+        try:
+            everybody.mkdir(exist_ok=True)
+            with _locked(everybody / LOCK):
+                for folder in (self.runs / run_key, self.attempts / run_key):
+                    if folder.is_dir():
+                        place = Path(tempfile.mkdtemp(prefix="removed.", dir=everybody))
+                        shutil.rmtree(folder.rename(place / run_key))
+                        place.rmdir()
+        except OSError as error:
+            raise environment_error(
+                f"cannot remove run {run_key}: {error.strerror}, {error.filename}; check the rights"
+            ) from None
 
 
 def kept_of(raw: Path) -> dict[str, str]:

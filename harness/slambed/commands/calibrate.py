@@ -8,6 +8,8 @@ import typer
 
 from slambed.errors import SlambedError
 
+LIMITS_S = 10.0
+
 
 def calibrate(
     stages: Annotated[
@@ -45,7 +47,10 @@ def calibrate(
         str | None,
         typer.Option(help="docker or local, for --limits; if not given, those usable here."),
     ] = None,
-    seconds: Annotated[float, typer.Option(min=1.0, help="Per measurement of --limits.")] = 10.0,
+    seconds: Annotated[
+        float | None,
+        typer.Option(min=1.0, help="Per measurement of --limits; 10 s if not given."),
+    ] = None,
 ) -> None:
     """Measure the speed of this host, and fit the costs of a device.
 
@@ -63,12 +68,20 @@ def calibrate(
     asked = [stages is not None, match is not None, host, limits is not None]
     if sum(asked) != 1:
         raise SlambedError("give one of --host, --limits DEVICE, --stages RUNS, --match FIT")
-    if check and match is None:
-        raise SlambedError("--check goes with --match FIT")
+    for option, given, goes_with, there in (
+        ("--check", check, "--match FIT", match is not None),
+        ("--jobs", jobs is not None, "--match FIT", match is not None),
+        ("--output", output is not None, "--stages RUNS", stages is not None),
+        ("--cores", cores is not None, "--stages RUNS", stages is not None),
+        ("--engine", engine is not None, "--limits DEVICE", limits is not None),
+        ("--seconds", seconds is not None, "--limits DEVICE", limits is not None),
+    ):
+        if given and not there:
+            raise SlambedError(f"{option} goes with {goes_with}")
     if host:
         calibrate_host()
     elif limits is not None:
-        check_limits(limits, engine, seconds)
+        check_limits(limits, engine, LIMITS_S if seconds is None else seconds)
     elif match is not None:
         match_paper(match, jobs, check)
     else:

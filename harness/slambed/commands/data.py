@@ -15,7 +15,7 @@ from rich.table import Table
 from slambed.commands.shared_options import SheetOption
 from slambed.data import places
 from slambed.errors import ExitCode
-from slambed.files.outputs import SHEETS, figure_file, writing
+from slambed.files.outputs import SHEETS, figure_file, must_be_writable, writing
 from slambed.terminal import JsonOption, console, lists_alone, print_json
 
 if TYPE_CHECKING:
@@ -184,9 +184,9 @@ def difficulty(
     from slambed.data.difficulty_report import csv_of, draw, lines_of
 
     file = figure_file(output) if output else places.picture("difficulty.png")
-    _must_be_writable(file, "--output")
+    must_be_writable(file, "--output")
     if table is not None:
-        _must_be_writable(table, "--table")
+        must_be_writable(table, "--table")
     measured = []
     for name in datasets:
         sequence = prepare(name)
@@ -198,15 +198,6 @@ def difficulty(
             table.write_text(csv_of(measured))
     draw(measured, file)
     typer.echo(f"figure: {file}")
-
-
-def _must_be_writable(path: Path, option: str) -> None:
-    """Raises SlambedError before long work whose result could not be written to this file."""
-    with writing(path, option):
-        new = not path.exists()
-        path.open("ab").close()
-        if new:
-            path.unlink()
 
 
 @app.command()

@@ -10,6 +10,7 @@ import typer
 
 from slambed.errors import SlambedError
 from slambed.files.outputs import make_folder
+from slambed.spec.experiment_name import name_of
 from slambed.spec.selection import SYNTAX
 from slambed.terminal import RESULTS, ResultsOption
 
@@ -163,7 +164,7 @@ class MedianRun:
 
 def experiment_named(run: str, results: Path) -> Path | None:
     """Returns the folder of the experiment with this path or name; None if there is none."""
-    places = (Path(run), results / Path(run).stem)
+    places = (Path(run), results / name_of(run))
     return next((place for place in places if (place / "runs").is_dir()), None)
 
 

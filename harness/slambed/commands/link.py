@@ -15,7 +15,7 @@ from slambed.commands.profiles import SetOption, load_changed
 from slambed.commands.shared_options import PictureOption
 from slambed.data.places import picture
 from slambed.errors import ExitCode, SlambedError
-from slambed.files.outputs import figure_file, make_folder, writing
+from slambed.files.outputs import figure_file, make_folder, must_be_writable, writing
 from slambed.terminal import console
 
 if TYPE_CHECKING:
@@ -43,6 +43,9 @@ def measure(
     from slambed.link.plots import plot_links
 
     output = figure_file(output) if output else None
+    for file, option in ((log, "--log"), (output, "--output")):
+        if file is not None:
+            must_be_writable(file, option)
     run = measure_link(load_changed(name, values or []), backend, seconds, seed, with_tcp=tcp)
     table = Table("", "", box=None, show_header=False)
     for key, value in vars(run.record.proof).items():
@@ -149,6 +152,8 @@ def messages(
     from slambed.link import messages as traffic
     from slambed.link.profile import load_profile
 
+    if output is not None:
+        must_be_writable(output, "--output")
     if profile:
         steady = traffic.Trace.steady(count, size, hz)
         rows = traffic.compare_profile(load_profile(profile), steady, range(1, seeds + 1), backend)

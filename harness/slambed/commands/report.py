@@ -13,6 +13,7 @@ from slambed.caller import will_be_callers
 from slambed.commands.results_folders import experiment_folder, result_folders
 from slambed.errors import ExitCode, SlambedError
 from slambed.files.outputs import make_folder, writing
+from slambed.spec.experiment_name import name_of
 from slambed.spec.selection import SYNTAX
 from slambed.terminal import RESULTS, JsonOption, ResultsOption, console, print_json
 
@@ -243,8 +244,8 @@ def gate(
     screen = console()
     reasons = 0
     for name in experiments or []:
-        tonight, problems = read_runs(results, Path(name).stem)
-        before = tonight if baseline is None else read_runs(baseline, Path(name).stem)[0]
+        tonight, problems = read_runs(results, name_of(name))
+        before = tonight if baseline is None else read_runs(baseline, name_of(name))[0]
         found = judge(before, tonight, alpha / len(experiments or []))
         screen.print(f"{name}: {len(found.findings)} comparisons, {len(found.failures)} failures")
         if any(f.alarm or f.relevant for f in found.findings):

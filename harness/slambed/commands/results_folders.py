@@ -4,6 +4,7 @@
 from pathlib import Path
 
 from slambed.errors import SlambedError
+from slambed.spec.experiment_name import name_of
 
 
 def experiment_folder(results: Path, experiment: str) -> Path:
@@ -11,7 +12,7 @@ def experiment_folder(results: Path, experiment: str) -> Path:
     given = Path(experiment)
     if (given / "runs").is_dir():
         return given
-    folder = results / given.stem
+    folder = results / name_of(experiment)
     if not folder.is_dir():
         raise SlambedError(f"no results in {folder}; start with 'slambed run {experiment}'")
     return folder

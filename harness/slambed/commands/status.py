@@ -10,7 +10,7 @@ from rich.table import Table
 
 from slambed.errors import ExitCode, SlambedError
 from slambed.native import repository_root
-from slambed.spec.experiment_name import YAML, must_be_an_experiment
+from slambed.spec.experiment_name import YAML, must_be_an_experiment, name_of
 from slambed.terminal import RESULTS, JsonOption, ResultsOption, console, print_json
 
 if TYPE_CHECKING:
@@ -29,7 +29,7 @@ def status(
     from slambed.spec.library import Library
     from slambed.spec.software import host_software, image_software
 
-    name = Path(experiment).stem
+    name = name_of(experiment)
     file = _file_of(experiment)
     before = was_run(results, name)
     if not before:

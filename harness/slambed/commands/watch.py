@@ -14,6 +14,7 @@ from rich.console import Console
 from rich.live import Live
 
 from slambed.errors import SlambedError
+from slambed.spec.experiment_name import name_of
 from slambed.terminal import RESULTS, ResultsOption, console
 
 if TYPE_CHECKING:
@@ -45,7 +46,7 @@ def watch(
         raise SlambedError("--json is for one look; give --once, too")
     if not results.is_dir():
         raise SlambedError(f"no such folder: {results}; give the right --results")
-    names = [_must_be_there(Path(name).stem, results)] if name else running(results)
+    names = [_must_be_there(name_of(name), results)] if name else running(results)
     watches = [CampaignWatch(results / each) for each in names]
     found = _look(watches)
     alive = [watched for watched in found if watched.state.alive]

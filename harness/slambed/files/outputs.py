@@ -40,6 +40,15 @@ def writing(path: Path, option: str = "--output") -> Iterator[None]:
         raise SlambedError(f"{path}: {why}; choose another {option}") from refused
 
 
+def must_be_writable(path: Path, option: str) -> None:
+    """Raises SlambedError before long work whose result could not be written to this file."""
+    with writing(path, option):
+        new = not path.exists()
+        path.open("ab").close()
+        if new:
+            path.unlink()
+
+
 def make_folder(path: Path, option: str) -> None:
     """Creates the folder given by `option`, with its parents."""
     with writing(path, option):

@@ -83,7 +83,7 @@ def _rank(criterion: Criterion, cells: Mapping[str, ComparedCell]) -> CriterionR
     chain = [cells[name] for name in criterion.cells]
     if any(c.prediction is None for c in chain):
         return CriterionResult(criterion, False, "one of its cells is not predicted")
-    ours = [c.prediction.expected for c in chain if c.prediction is not None]
+    ours = [_expected(c) for c in chain]
     paper = [_value(c.printed) for c in chain]
     if len(set(ours)) < 2 or len(set(paper)) < 2:
         return CriterionResult(criterion, False, "nothing varies")
@@ -92,6 +92,13 @@ def _rank(criterion: Criterion, cells: Mapping[str, ComparedCell]) -> CriterionR
     return CriterionResult(
         criterion, rho >= least - ROUNDING, f"rank correlation {rho:.2f}, {least:g} asked for"
     )
+
+
+def _expected(cell: ComparedCell) -> float:
+    """Returns what is predicted in the unit of what is printed: a share, not a count of runs."""
+    assert cell.prediction is not None
+    runs = cell.printed.runs if isinstance(cell.printed, Share) else 1
+    return cell.prediction.expected / runs
 
 
 def _value(printed: Share | Mean) -> float:

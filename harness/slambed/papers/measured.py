@@ -110,6 +110,9 @@ def values_of(
             all_lost = replace(found, missing="too_few_runs", reason="every run lost track")
             return Measured(all_lost, NOTHING)
     runs = matching(runs, metric.only)
+    if not len(runs):
+        reason = f"no run with {metric.only}"
+        return Measured(replace(found, missing="no_metric", reason=reason), NOTHING)
     if metric.reference is None:
         values = _values(pool, runs, metric)
     else:

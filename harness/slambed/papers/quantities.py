@@ -9,7 +9,7 @@ import numpy as np
 import pandas as pd
 
 from slambed.metrics.loss_times import in_window, loss_times_of
-from slambed.papers.lookup import Pool, find_runs
+from slambed.papers.lookup import Pool
 from slambed.papers.margins import margin_of_cell, published_of
 from slambed.papers.measured import Measured, measure
 from slambed.papers.published import (
@@ -82,9 +82,8 @@ def judge_quantity(
             return not_run(of.found.reason), of
         if isinstance(quantity, EventTimes):
             return _times(about, cell, quantity, of, margin_of_cell(paper, cells, cell, []).value)
-        runs = find_runs(paper, about.runs, *_coordinates(cells, quantity.of)).runs
-        assert runs is not None
-        return _window(runs, cell, quantity, of)
+        assert of.found.runs is not None
+        return _window(of.found.runs, cell, quantity, of)
     if isinstance(quantity, MaxOver):
         return _up_to(paper, about, cells, cell, quantity)
     if isinstance(quantity, Each):
@@ -138,7 +137,7 @@ def _two(
             return not_run(side.found.reason), side
     of = replace(of, found=replace(of.found, stand_in=of.found.stand_in or base.found.stand_in))
     compares_sequences = _dataset(cells, quantity.of) != _dataset(cells, quantity.base)
-    if of.found.stand_in and of.found.dataset != base.found.dataset and not compares_sequences:
+    if of.found.dataset != base.found.dataset and not compares_sequences:
         return Verdict("inconclusive", "its two sides are on different sequences"), of
     claim = cell.claim
     assert claim is not None and cell.value is not None

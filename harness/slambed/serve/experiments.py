@@ -41,7 +41,10 @@ def is_experiment(folder: Path) -> bool:
     """Returns whether a folder of results belongs to an experiment, even a damaged one."""
     if not PART.match(folder.name) or folder.name in RESERVED:
         return False
-    return (folder / "experiment.json").is_file() or (folder / "runs").is_dir()
+    try:
+        return (folder / "experiment.json").is_file() or (folder / "runs").is_dir()
+    except OSError:  # a name that is too long
+        return False
 
 
 def listed(results: Path, name: str) -> ExperimentEntry:

@@ -8,6 +8,7 @@ from pathlib import Path
 
 METHODS = ("GET", "HEAD")
 NAMES = ("localhost", "127.0.0.1")
+HTTP_PORT = 80
 """Host names of this server for a browser on this machine. A foreign page whose name resolves to
 this machine (DNS rebinding) sends that name instead."""
 PART = re.compile(r"[A-Za-z0-9][A-Za-z0-9_.-]*\Z")
@@ -47,7 +48,9 @@ def _digest(script: str) -> str:
 
 def is_our_name(host: str | None, port: int) -> bool:
     """Returns whether the Host header of a request names this server."""
-    return host is not None and host.lower() in {f"{name}:{port}" for name in NAMES}
+    names = {f"{name}:{port}" for name in NAMES}
+    # Browsers leave out the usual port.
+    return host is not None and host.lower() in (names | set(NAMES) if port == HTTP_PORT else names)
 
 
 def parts_of(path: str) -> list[str] | None:

@@ -91,7 +91,10 @@ class Handler(BaseHTTPRequestHandler):
                 f"This is for a browser on the same machine: http://localhost:"
                 f"{self.server.server_port}/",
             )
-        address = urlsplit(self.path)
+        try:
+            address = urlsplit(self.path)
+        except ValueError:
+            return error_page(HTTPStatus.BAD_REQUEST, "This is no address.")
         parts = parts_of(unquote(address.path))
         if parts is None:
             return error_page(HTTPStatus.NOT_FOUND, "There is no such page.")

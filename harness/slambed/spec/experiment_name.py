@@ -8,6 +8,13 @@ from slambed.errors import SlambedError
 YAML = (".yaml", ".yml")
 
 
+def name_of(given: str) -> str:
+    """Returns the name of an experiment that is given by its name, which may have a dot, by its
+    YAML file, or by a folder of its results."""
+    path = Path(given)
+    return path.stem if path.suffix in YAML else path.name
+
+
 def must_be_an_experiment(given: str, known: list[str]) -> None:
     """Accepts a name or a YAML file; the error for any other existing path says what the path
     is."""

@@ -233,6 +233,29 @@ def kept_runs(results: Path, experiment: str, planned: RunSpec, *others: RunSpec
     return folder.store
 
 
+def test_a_run_that_cannot_be_removed_is_a_line_and_no_half_run(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    store = RunStore(tmp_path)
+    store.open()
+    run = store.runs / "0123456789abcdef"
+    run.mkdir()
+    (run / "summary.json").write_text("{}")
+    store.close()
+
+    def refuse(path: Path) -> None:
+        raise PermissionError(errno.EACCES, "Permission denied", str(path))
+
+    with monkeypatch.context() as patched:
+        patched.setattr("slambed.campaign.store.shutil.rmtree", refuse)
+        with pytest.raises(SlambedError, match="cannot remove run 0123456789abcdef: Permission"):
+            store.remove(run.name)
+    assert not run.exists()
+    store.open()  # sweeps what was left
+    assert [path.name for path in (tmp_path / ".work").glob("removed.*")] == []
+    store.close()
+
+
 def pruned(results: Path, *options: str) -> list[str]:
     """Returns what `results prune` prints, without sizes."""
     code, out, err = slambed("results", "prune", *options, "--results", str(results))

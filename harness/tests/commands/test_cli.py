@@ -12,6 +12,7 @@ from data_samples import write_prepared
 from virtual_parts import needs_programs
 
 from slambed.errors import ExitCode
+from slambed.spec.experiment_name import name_of
 from slambed.spec.library import Library
 
 
@@ -47,6 +48,12 @@ def test_run_without_an_experiment_lists_them() -> None:
     assert all(name in out for name in Library().experiments()) and "'slambed run NAME'" in out
     # With an option somebody meant an experiment, and a script must not go on.
     assert "which experiment?" in refused(ExitCode.BAD_INPUT, "run", "--engine", "virtual")
+
+
+def test_a_name_may_have_a_dot() -> None:
+    found = map(name_of, ("quickstart", "foo.v2", "experiments/foo.v2.yaml", "results/foo.v2/"))
+    assert list(found) == ["quickstart", "foo.v2", "foo.v2", "foo.v2"]
+    assert "results/foo.v2" in refused(ExitCode.BAD_INPUT, "report", "foo.v2")
 
 
 def test_an_unknown_experiment_names_its_neighbor() -> None:

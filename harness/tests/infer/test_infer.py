@@ -2,7 +2,7 @@
 """Likelihood, intervals, spread of points and search, against closed forms and a known truth."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from itertools import pairwise, product
 from typing import Any
 
@@ -306,6 +306,17 @@ def test_success_is_what_the_plan_says(asked: dict[str, Any], met: bool, why: st
     cells = [*CELLS, *exchanged] if "d" in asked.get("cells", []) else CELLS
     found = judge(Criterion.model_validate({"says": "", **asked}), [], cells)
     assert found.met is met and why in found.why
+
+
+def test_shares_of_different_numbers_of_runs_are_ranked_as_shares() -> None:
+    cells = []
+    for name, bad, runs in (("a", 3, 20), ("b", 20, 100), ("c", 12, 20)):
+        made = replace(predict_share([Share(50, 100)], ALONE, Share(bad, runs)), expected=bad)
+        cells.append(ComparedCell(name, Share(bad, runs), made, Share(bad, runs)))
+    asked = Criterion.model_validate(
+        {"says": "", "kind": "rank", "at_least": 0.9, "cells": ["a", "b", "c"]}
+    )
+    assert judge(asked, [], cells).why.startswith("rank correlation 1.00")
 
 
 def test_what_was_not_run_is_no_success() -> None:

@@ -6,7 +6,7 @@ import pytest
 
 from slambed.papers.verdicts.contrasts import Ordering, Step
 from slambed.papers.verdicts.flat import judge_flat
-from slambed.papers.verdicts.model import Floats, Share
+from slambed.papers.verdicts.model import LEVEL, Floats, Share
 
 MARGIN = 0.2
 
@@ -50,6 +50,7 @@ def test_each_curve_has_an_outcome() -> None:
     found = judged(flat, steep)
     assert (found.outcome, found.decides) == ("reversed", 1)
     assert [part.outcome for part in found.parts] == ["holds", "reversed"]
+    assert max(part.p_value for part in found.parts) <= LEVEL  # each is that of its outcome
     both = judged(flat, [around(7.0), around(7.0)])
     assert both.outcome == "holds"  # curves at different heights
     assert [part.outcome for part in both.parts] == ["holds", "holds"]

@@ -404,6 +404,9 @@ def test_blocks_ask_for_one_order_on_all_sequences() -> None:
     assert page(paper) < 0.001
     assert judge_blocks(2 * paper, paper).outcome == "holds"
     assert judge_blocks(paper[:, ::-1], paper).outcome == "reversed"
+    few_runs = np.full(paper.shape, 4.0)
+    assert judge_blocks(2 * paper, paper, runs=few_runs).outcome == "too_few_runs"
+    assert judge_blocks(2 * paper, paper, runs=few_runs + 1).outcome == "holds"
     mixed = paper.copy()
     mixed[::2] = mixed[::2, ::-1]
     assert judge_blocks(mixed, paper).outcome == "inconclusive"

@@ -13,6 +13,11 @@ def test_a_browser_on_this_machine_is_answered(host: str) -> None:
     assert is_our_name(host, 8350)
 
 
+def test_the_usual_port_is_left_out_by_browsers() -> None:
+    assert is_our_name("localhost", 80) and is_our_name("127.0.0.1:80", 80)
+    assert not is_our_name("evil.example", 80)
+
+
 @pytest.mark.parametrize(
     "host",
     [

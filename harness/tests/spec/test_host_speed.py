@@ -160,6 +160,10 @@ def test_the_raspberry_pi_has_a_board() -> None:
             ["calibrate", "--limits", "raspberry_pi_4", "--engine", "virtual"],
             "known: docker, local",
         ),
+        (["calibrate", "--match", "ijnc", "-o", "try.yaml"], "--output goes with --stages RUNS"),
+        (["calibrate", "--match", "ijnc", "--cores", "2"], "--cores goes with --stages RUNS"),
+        (["calibrate", "--stages", "x", "--jobs", "2"], "--jobs goes with --match FIT"),
+        (["calibrate", "--host", "--seconds", "60"], "--seconds goes with --limits DEVICE"),
     ],
 )
 def test_bad_options_get_one_line(

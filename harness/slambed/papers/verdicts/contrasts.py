@@ -271,6 +271,9 @@ def judge_blocks(
         return Ordering("not_shown_by_paper", why, formula, p_holds, p_reversed, p_paper)
     if not whole:
         return Ordering("inconclusive", "a number without runs of ours", formula, p_paper=p_paper)
+    if runs is not None and (fewest := int(runs.min())) < FEWEST_RUNS:
+        why = f"{fewest} runs behind one of its numbers, {FEWEST_RUNS} are the least"
+        return Ordering("too_few_runs", why, formula, p_paper=p_paper)
     tau = float(stats.kendalltau(ours.ravel(), paper.ravel()).statistic)
     why = f"p {min(p_holds, p_reversed):.2g}, tau-b ours / paper {tau:.2f}"
     base = Ordering("inconclusive", why, formula, p_holds, p_reversed, p_paper)

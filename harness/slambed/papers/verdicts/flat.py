@@ -102,6 +102,8 @@ def _parts(chains: Sequence[_Chain]) -> tuple[Part, ...]:
     return tuple(
         Part("holds", chain.p_same)
         if chain.p_same <= LEVEL
-        else Part("reversed" if chain.p_apart <= LEVEL else "not_shown", chain.p_same)
+        else Part("reversed", chain.p_apart)
+        if chain.p_apart <= LEVEL
+        else Part("not_shown", chain.p_same)
         for chain in chains
     )
