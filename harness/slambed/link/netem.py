@@ -63,8 +63,6 @@ class NetemShaper:
         self, mobile: Path, edge: Path, profile: Profile, seed: int, log_dir: Path, o: LinkOptions
     ) -> None:
         self._profile = profile
-        # Held, because the drops are read when the nodes have ended.
-        self._namespaces = [os.open(path, os.O_RDONLY | os.O_CLOEXEC) for path in (mobile, edge)]
         self._rates = [_bytes_per_s(side) for side in (profile.up, profile.down)]
         self._limits = _limits(profile)
         chains = [all_or_none(side) for side in (profile.up, profile.down)]
@@ -75,6 +73,8 @@ class NetemShaper:
         self._real_time = o.real_time
         self._pair = VethPair(mobile, edge, o)
         self._ends: list[NetemControl] = []
+        self._namespaces: list[int] = []
+        """Held, because the drops are read when the nodes have ended."""
         self._applied: list[tuple[int, list[float]]] = []
         """(monotonic time [ns], [delay up [ms], delay down [ms], loss up, loss down]); loss is 0
         or 1."""
@@ -82,6 +82,8 @@ class NetemShaper:
         self._stopped = threading.Event()
         self._thread: threading.Thread | None = None
         try:
+            for path in (mobile, edge):
+                self._namespaces.append(os.open(path, os.O_RDONLY | os.O_CLOEXEC))
             self._ends = [NetemControl(mobile, DEVICE), NetemControl(edge, DEVICE)]
             for end, limit, rate in zip(self._ends, self._limits, self._rates, strict=True):
                 end.set(NetemSettings(0.0, limit, rate), create=True)

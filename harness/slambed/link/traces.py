@@ -275,7 +275,7 @@ def _silence(name: str, times: np.ndarray, description: TraceFile) -> Silence | 
     )
 
 
-def _to_ms(time_s: float) -> str:
+def _in_yaml(time_s: float) -> str:
     """Returns seconds as YAML has them, exact to a millisecond however late they are."""
     return f"{round(float(time_s), 3):.10g}"
 
@@ -285,7 +285,7 @@ def _as_outages(times: np.ndarray, steps: np.ndarray, gaps: np.ndarray) -> str:
     in the interval after the last sample and came back in the one before the next: halves."""
     usual = float(np.median(steps))
     outages = [
-        f"{{start_s: {_to_ms(times[i] + usual / 2)}, length_s: {_to_ms(steps[i] - usual)}}}"
+        f"{{start_s: {_in_yaml(times[i] + usual / 2)}, length_s: {_in_yaml(steps[i] - usual)}}}"
         for i in gaps[:MOST_OUTAGES]
     ]
     more = f" and {len(gaps) - MOST_OUTAGES} more" if len(gaps) > MOST_OUTAGES else ""
