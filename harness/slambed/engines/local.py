@@ -46,6 +46,7 @@ from slambed.spec.system import Role
 
 BARRIER_TIMEOUT_S = 20.0
 KILL_TIMEOUT_S = 10.0
+AT_REST = (psutil.STATUS_STOPPED, psutil.STATUS_ZOMBIE, psutil.STATUS_DISK_SLEEP)
 
 
 class LocalNode:
@@ -152,11 +153,14 @@ class LocalNode:
 
 
 def _can_run(pid: int) -> bool:
+    """Returns whether a process to which SIGSTOP was sent may still run code of its program. One in
+    an uninterruptible wait does not: it stops when the wait ends. A shell that starts a program
+    waits so (vfork) until that one runs, and does for ever if that one is stopped before."""
     try:
         status = psutil.Process(pid).status()
     except psutil.NoSuchProcess:
         return False
-    return status not in (psutil.STATUS_STOPPED, psutil.STATUS_ZOMBIE)
+    return status not in AT_REST
 
 
 class LocalEngine(ThisHostEngine):
