@@ -167,7 +167,8 @@ class Judge:
             measured = self.measured(cell)
             verdict = self._value(cell, measured) if measured.there else not_run("")
         found = measured.found
-        if not measured.there:
+        # Runs without a single event have no values of ours, but do differ.
+        if not measured.there and verdict.outcome != "differs":
             missing = found.missing or "too_few_runs"
             return self._missing(cell, missing, found.reason, found.runs)
         provenance: Provenance = "measured"

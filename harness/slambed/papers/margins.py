@@ -83,9 +83,11 @@ def margin_of_cell(
     with this cell; a larger margin could not tell neighbors apart. A share that would then need
     more than 300 runs is judged by its orderings only."""
     assert cell.value is not None or cell.claim is not None
-    value = cell.value or 0.0
     metric = paper.metrics.get(cell.metric)
     is_share = metric is not None and metric.statistic == "share"
+    value = cell.value or 0.0
+    if is_share and cell.unit == "runs" and cell.runs:
+        value *= 100 / cell.runs
     written = paper.margins.get(cell.metric)
     if written is not None:
         ratio, size = written.ratio is not None, written.at(value)

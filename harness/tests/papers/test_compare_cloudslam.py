@@ -97,7 +97,8 @@ def both_laps(folder: Path, *closed_s: float) -> Results:
                    engine="virtual", loops_closed=len(closed_s))  # fmt: skip
     for run in rows:
         run["params.prior_map"] = ""
-    events = [
+    events = [{"t_ns": 0, "type": "run_start", "node": "mobile"}]
+    events += [
         {"t_ns": int(1e9 * time), "type": "loop_closed", "node": "mobile"} for time in closed_s
     ]
     return with_events(results_of(rows, reproduces=("cloudslam",)), folder, events)
@@ -109,6 +110,7 @@ def both_laps(folder: Path, *closed_s: float) -> Results:
         ((251.0, 299.0), "reproduced", "ours at 251 and 299 s; 5 of 5 runs have 2 of loop_closed"),
         ((120.0, 299.0), "differs", "ours at 120 and 299 s"),
         ((251.0,), "differs", "0 of 5 runs have 2 of loop_closed"),
+        ((), "differs", "0 of 5 runs have 2 of loop_closed"),
     ],
 )
 def test_times_of_loops(

@@ -1,11 +1,13 @@
 # SPDX-License-Identifier: Apache-2.0
 """Former mistakes of mappings, each of which gave a verdict about something else."""
 
+from dataclasses import replace
 from fnmatch import fnmatchcase
 
 import pytest
 
 from slambed.metrics.device_share import device_cores, share_of_device
+from slambed.papers.margins import margin_of_cell
 from slambed.papers.published import Paper, PublishedCell, cells_of, read_papers, table_cells
 from slambed.records.kept_spec import KeptSpec
 from slambed.records.manifest import Manifest
@@ -158,3 +160,13 @@ def test_the_orderings_that_the_papers_state_are_declared(papers: dict[str, Pape
                      "multithread_rl": 10, "peer_orbslam2": 0}  # fmt: skip
     for paper in papers.values():
         assert all(item.lines for item in paper.contrasts), paper.id
+
+
+def test_a_margin_reads_counts_of_runs_as_shares(papers: dict[str, Paper]) -> None:
+    """Ten of ten runs are 100 %, where a share can hardly move, not 10 %."""
+    paper = papers["dynnetslam"]
+    cells = cells_of(paper)
+    lost = cells["dynnet.C27"]
+    counted = replace(lost, value=10, runs=10)
+    in_percent = replace(lost, value=100, runs=10, unit="%")
+    assert margin_of_cell(paper, cells, counted, []) == margin_of_cell(paper, cells, in_percent, [])
