@@ -207,8 +207,8 @@ METRICS: tuple[Metric, ...] = (
     Text("loss_times_s", 'sequence times of all losses: "22.4 31.07"; empty when none',
          _tracking(lambda t: loss_times_text(t.loss_times_s))),
     LowerIsBetter(
-        "lost_s", "sum over all losses: sequence time from the loss to the next pose, or the end; "
-        "a map given up at once adds nothing",
+        "lost_s", "sum over all losses: sequence time from the loss (or the start in a prior map) "
+        "to the next pose, or the end; a map given up at once adds nothing",
         _tracking(lambda t: t.lost_s), "time without a pose", "s", relevant_step=0.5),
     Count("relocalizations", "times a lost camera was found again",
           _tracking(lambda t: t.relocalizations)),

@@ -86,7 +86,7 @@ class Manifest(Record):
     sidecar: SidecarUse | None = None
     """Null in a virtual run."""
     commit: str | None = None
-    """Commit of the checkout; null outside of git."""
+    """Commit of the checkout, or from which an installed package was built; null if unknown."""
     dirty: bool | None = None
     """Whether tracked files differed from that commit."""
     tree: str | None = None
@@ -125,7 +125,7 @@ class Manifest(Record):
     warnings: list[str] | None = None
     """Problems found in the raw files."""
     results_sha256: str | None = None
-    """SHA-256 over summary, tables and trajectories; equal for identical virtual runs."""
+    """SHA-256 over summary, tables, trajectories and map; equal for identical virtual runs."""
     plans: dict[str, PlanDigests] | None = None
     """Paper (or `inference/<id>`) -> its plan at the start of the campaign; empty without plans."""
 

@@ -137,8 +137,8 @@ class SidecarUse(Record):
     metronome_real_time: bool | None
     """Whether it got real-time priority; null without a metronome."""
     segmenter_cpu_s: float | None = None
-    """CPU time of the segmenter, which is in the edge's cgroup; null without a segmenter, and if
-    it died before it could report."""
+    """CPU time of the segmenter, in the edge's cgroup where Docker allows it; null without one, and
+    if it died before it could report."""
     segmenter_restarts: int | None = None
     """Number of restarts after the segmenter had died; null without a segmenter."""
     kernel_tick_ms: float | None = None
