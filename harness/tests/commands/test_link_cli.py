@@ -145,9 +145,10 @@ def test_logs_of_one_name_are_all_drawn(tmp_path: Path, monkeypatch: pytest.Monk
     assert drawn == ["a", logs[1], logs[2], "relay, ramp"]
 
 
-def test_the_log_of_a_real_network_is_drawn(tmp_path: Path) -> None:
+@pytest.mark.parametrize("name", ["link.png", "link.svg", "link.pdf"])
+def test_the_log_of_a_real_network_is_drawn(tmp_path: Path, name: str) -> None:
     """Nothing is asked of it, it is only measured."""
-    log, picture = link_log(tmp_path / "link.parquet", "probe_rtt_ms"), tmp_path / "link.png"
+    log, picture = link_log(tmp_path / "link.parquet", "probe_rtt_ms"), tmp_path / name
     code, _, err = slambed("link", "compare", str(log), "--output", str(picture))
     assert (code, err) == (ExitCode.OK, "") and picture.is_file()
 
