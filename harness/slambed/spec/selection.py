@@ -8,7 +8,6 @@ A selection is the name of a combination (`*/rtt_40`; `*` matches any text) or a
 import re
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
-from fnmatch import fnmatchcase
 
 from slambed.errors import SlambedError
 
@@ -25,6 +24,12 @@ _KEY = rf"(?:{'|'.join(KEYS)}|params\.\w+)="
 
 Facts = Mapping[str, tuple[str, ...]]
 """Names of a run by property; one property may have several (a system with and without variant)."""
+
+
+def fits(name: str, pattern: str) -> bool:
+    """Returns whether a name fits a pattern in which `*` is any text and nothing else is special:
+    names have brackets, as in `ramp[peak_ms=50]`."""
+    return re.fullmatch(".*".join(map(re.escape, pattern.split("*"))), name, re.S) is not None
 
 
 @dataclass(frozen=True)
@@ -51,7 +56,7 @@ class Selection:
     def holds(self, facts: Facts) -> bool:
         """Returns whether the selection matches a run."""
         return all(
-            any(fnmatchcase(name, pattern) for name in facts.get(key, ()))
+            any(fits(name, pattern) for name in facts.get(key, ()))
             for key, pattern in self.conditions
         )
 
@@ -60,7 +65,7 @@ class Selection:
         known values."""
         for key, pattern in self.conditions:
             known = list(dict.fromkeys(name for facts in runs for name in facts.get(key, ())))
-            if not any(fnmatchcase(name, pattern) for name in known):
+            if not any(fits(name, pattern) for name in known):
                 break
         else:
             return SlambedError(f"{option} {self.text} is no combination: no run has all of that")

@@ -16,6 +16,7 @@ from slambed.files.yaml_source import load_yaml
 from slambed.spec.library import Library
 from slambed.spec.matrix import Circumstances, NamedProfile, expand, read_profiles
 from slambed.spec.run_spec import RunSpec, canonical_json
+from slambed.spec.selection import meant
 from slambed.spec.sweep import swept
 
 HEAD: dict[str, Any] = {
@@ -288,3 +289,13 @@ def test_an_entry_of_a_list_is_set_with_the_whole_list(tmp_path: Path) -> None:
     assert "set the whole of it: --set 'link.profiles=[...]'" in err
     runs = runs_of(name, settings=["link.profiles=[ramp_85]"])
     assert {run.profile for run in runs} == {"ramp_85"}
+
+
+def test_only_the_star_of_a_selection_is_special() -> None:
+    names = ("a/room/ramp[peak_ms=50]", "a/room/ramp[peak_ms=5]", "a/room/rampp")
+    links = [{"cell": (name,), "link": (name.rpartition("/")[2],)} for name in names]
+    for text in (names[0], "link=ramp[peak_ms=50]", "*[peak_ms=50]", "a/*/ramp[*=50]"):
+        assert meant(links, [text], "--only") == [True, False, False], text
+    for text in ("link=ramp?", "link=ramp[pq]"):
+        with pytest.raises(SlambedError, match="is no combination"):
+            meant(links, [text], "--only")
