@@ -15,7 +15,7 @@ from slambed.link.backend import open_link
 from slambed.link.profile import Profile, load_profile, parse_profile
 from slambed.link.record import LinkRecord
 from slambed.link.scratch import two_namespaces
-from slambed.link.session import EDGE_ADDRESS, MOBILE_ADDRESS
+from slambed.link.session import EDGE_ADDRESS, MOBILE_ADDRESS, LinkOptions
 from slambed.link.traffic import (
     Flood,
     TcpRttProbe,
@@ -25,6 +25,8 @@ from slambed.link.traffic import (
 )
 
 HEAD_START_NS = 100_000_000
+AROUND_S = 60.0
+"""Longer than a measurement takes besides its seconds."""
 
 
 @dataclass(frozen=True)
@@ -54,6 +56,11 @@ class BenchRow:
     reordered: int
 
 
+def _for_all(seconds: float) -> dict[str, float]:
+    """Returns the option with which a profile plays for so many seconds and what is around them."""
+    return {"horizon_s": max(LinkOptions.horizon_s, seconds + AROUND_S)}
+
+
 def measure_link(
     profile: Profile,
     backend: str,
@@ -68,7 +75,7 @@ def measure_link(
         log_dir = Path(stack.enter_context(tempfile.TemporaryDirectory()))
         mobile, edge = stack.enter_context(two_namespaces())
         link = stack.enter_context(
-            open_link(backend, mobile, edge, profile, seed, log_dir, **options)
+            open_link(backend, mobile, edge, profile, seed, log_dir, **_for_all(seconds), **options)
         )
         t0_ns = time.monotonic_ns() + HEAD_START_NS
         link.start(t0_ns)
@@ -93,7 +100,9 @@ def bench(
     with ExitStack() as stack:
         log_dir = Path(stack.enter_context(tempfile.TemporaryDirectory()))
         mobile, edge = stack.enter_context(two_namespaces())
-        link = stack.enter_context(open_link(backend, mobile, edge, profile, 1, log_dir, **options))
+        link = stack.enter_context(
+            open_link(backend, mobile, edge, profile, 1, log_dir, **_for_all(seconds), **options)
+        )
         t0_ns = time.monotonic_ns()
         link.start(t0_ns)
         samples = one_way(mobile, edge, EDGE_ADDRESS, rate_hz, seconds)

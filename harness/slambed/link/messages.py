@@ -25,7 +25,7 @@ from slambed.link.backend import open_link
 from slambed.link.modeled import modeled_link
 from slambed.link.profile import Profile, parse_profile
 from slambed.link.scratch import two_namespaces
-from slambed.link.session import EDGE_ADDRESS
+from slambed.link.session import EDGE_ADDRESS, LinkOptions
 from slambed.native import SIMULATION, find_program
 from slambed.process.namespaces import inside
 
@@ -105,11 +105,14 @@ def live_ms(
     profile: Profile, trace: Trace, backend: str = "relay", seed: int = 1
 ) -> NDArray[np.float64]:
     """Returns the latency of each message measured between two namespaces."""
+    horizon_s = max(LinkOptions.horizon_s, trace.end_s + LONGEST_STALL_S)
     with ExitStack() as stack:
         log_dir = Path(stack.enter_context(tempfile.TemporaryDirectory()))
         mobile, edge = stack.enter_context(two_namespaces())
         link = stack.enter_context(
-            open_link(backend, mobile, edge, profile, seed, log_dir, probe_hz=0)
+            open_link(
+                backend, mobile, edge, profile, seed, log_dir, probe_hz=0, horizon_s=horizon_s
+            )
         )
         server = stack.enter_context(
             inside(edge, lambda: socket.create_server((EDGE_ADDRESS, PORT)))

@@ -17,6 +17,7 @@ from harness_parts import needs_root
 from virtual_parts import needs_programs
 
 from slambed.errors import ExitCode, SlambedError
+from slambed.link import bench
 from slambed.link import messages as traffic
 from slambed.link.messages import (
     HEADER_BYTES,
@@ -115,6 +116,32 @@ def test_the_relay_shows_the_same_shape() -> None:
     small, large = table["live_ms"]
     assert small >= 39.0 and large >= small + 2 * 80.0
     assert (table["virtual_ms"] <= table["live_ms"] * 1.25).all()
+
+
+class OpenedError(Exception):
+    """What this link is opened with."""
+
+
+def opens(*_: Any, horizon_s: float, **__: Any) -> None:
+    raise OpenedError(horizon_s)
+
+
+@pytest.mark.parametrize(("seconds", "least_s"), [(10.0, 900.0), (1000.0, 1050.0)])
+def test_a_profile_plays_for_all_of_a_measurement(
+    monkeypatch: pytest.MonkeyPatch, seconds: float, least_s: float
+) -> None:
+    profile, late = bench_profile(1.0, None), Trace.steady(2, 1_000, 1 / seconds)
+    for module in (bench, traffic):
+        monkeypatch.setattr(module, "two_namespaces", lambda: nullcontext(("mobile", "edge")))
+        monkeypatch.setattr(module, "open_link", opens)
+    for measure in (
+        lambda: bench.measure_link(profile, "relay", seconds),
+        lambda: bench.bench(profile, "relay", seconds),
+        lambda: live_ms(profile, late),
+    ):
+        with pytest.raises(OpenedError) as opened:
+            measure()
+        assert opened.value.args[0] >= least_s
 
 
 def test_the_sender_bears_as_long_a_stall_as_the_reader(monkeypatch: pytest.MonkeyPatch) -> None:
