@@ -79,14 +79,13 @@ def recorded_rate(side: Side, traces: Mapping[str, list[int]]) -> str:
     if side.rate is None or side.rate.trace is None:
         return ""
     times_ms = traces[side.rate.trace]
-    whole = max(times_ms[-1] // 1000, 1)
-    packets = np.asarray(times_ms[:-1], dtype=np.int64) // 1000
-    seconds = np.bincount(packets, minlength=whole)[:whole]
-    mbps = seconds * MAHIMAHI_PACKET_BITS / 1e6
-    return (
-        f"recorded rate: mean {mean_rate_mbps(times_ms):.2f} Mbit/s, in single seconds "
-        f"{mbps.min():.2f} to {mbps.max():.2f}; begins again after {times_ms[-1] / 1e3:g} s"
-    )
+    told = f"recorded rate: mean {mean_rate_mbps(times_ms):.2f} Mbit/s"
+    if whole := times_ms[-1] // 1000:
+        # A packet at the end of a second is of that second.
+        packets = np.maximum(np.asarray(times_ms, dtype=np.int64) - 1, 0) // 1000
+        mbps = np.bincount(packets)[:whole] * MAHIMAHI_PACKET_BITS / 1e6
+        told += f", in single seconds {mbps.min():.2f} to {mbps.max():.2f}"
+    return f"{told}; begins again after {times_ms[-1] / 1e3:g} s"
 
 
 def outages(profile: Profile) -> list[str]:
