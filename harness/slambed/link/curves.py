@@ -17,7 +17,9 @@ Times = NDArray[np.float64]
 LONGEST_MS = 60_000.0
 """One way; a longer delay is taken for a wrong unit."""
 SHORTEST_S = 1e-3
-"""Shortest period of what repeats: the link is evaluated every 10 ms."""
+"""Shortest period of outages that repeat."""
+SHORTEST_WAVE_S = 0.04
+"""Shortest period of a curve that repeats: links evaluate it every 10 ms."""
 STRICT = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
 
 
@@ -143,7 +145,7 @@ class Sine(BaseModel):
     """Mean of the wave."""
     amplitude_ms: float
     """Amplitude of the wave."""
-    period_s: float = Field(ge=SHORTEST_S)
+    period_s: float = Field(ge=SHORTEST_WAVE_S)
     """Period of the wave."""
     phase_deg: float = 0.0
     """Phase at run time 0."""
@@ -253,7 +255,7 @@ class Repeat(Wrapped):
     kind: ClassVar[str] = "repeat"
     plays_on: ClassVar[bool] = False
 
-    period_s: float = Field(ge=SHORTEST_S)
+    period_s: float = Field(ge=SHORTEST_WAVE_S)
     """Length of the part that repeats."""
 
     def at(self, t: Times) -> Times:

@@ -34,7 +34,9 @@ LONGEST_S = 100_000.0
 """Longest profile; a longer one indicates a wrong unit."""
 CHECK_STEP_S = 0.01
 CHECK_FOREVER_S = 900.0
-"""Range in which a profile that never settles is checked for negative values."""
+"""Range in which a profile that never settles is checked as often."""
+CHECK_LATER_STEP_S = 1.0
+"""From there on, as a slow wave may become negative in a long run only."""
 
 KEYS = [
     "name", "description", "source", "params", "duration_s", "rtt_ms", "one_way_ms", "up_share",
@@ -179,7 +181,8 @@ def _refer(mapping: Mapping[str, Any], reader: ProfileReader) -> Profile:
         raise SlambedError(f"{error} ({reader.where})", error.code) from None
     written = ",".join(f"{key}={value:g}" for key, value in params.items())
     name = data.get("name") or (f"{profile.name}[{written}]" if written else profile.name)
-    return _build({**profile.content, "name": name}, {}, reader)
+    # Its traces are found without a folder; one of the experiment's may have files of their names.
+    return _build({**profile.content, "name": name}, {}, ProfileReader(reader.where))
 
 
 def _build(data: Mapping[str, Any], overrides: Mapping[str, Any], reader: ProfileReader) -> Profile:
@@ -337,6 +340,8 @@ def _check_values(profile: Profile, reader: ProfileReader) -> None:
             advice="times are seconds; of a long trace give start_s and length_s",
         )
     t = np.arange(0.0, horizon + CHECK_STEP_S, CHECK_STEP_S)
+    if None in ends:
+        t = np.append(t, np.arange(t[-1] + CHECK_LATER_STEP_S, LONGEST_S, CHECK_LATER_STEP_S))
     for side, values in (("up", profile.up_ms(t)), ("down", profile.down_ms(t))):
         if (bad := np.flatnonzero(~np.isfinite(values))).size:
             raise reader.complaint(f"latency is not a number at {t[bad[0]]:.2f} s ({side})")

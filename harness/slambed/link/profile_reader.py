@@ -65,8 +65,9 @@ class ProfileReader:
 
     def model(self, model: type[Model], data: Any, place: str) -> Model:
         """Returns `data` validated against a pydantic model."""
+        given = self.only(data, list(model.model_fields), place)
         try:
-            return model.model_validate(self.only(data, list(model.model_fields), place))
+            made = model.model_validate(given)
         except ValidationError as error:
             errors = error.errors()
             first = errors[0]
@@ -75,8 +76,13 @@ class ProfileReader:
                 raise self.complaint(f"unknown key '{first['loc'][-1]}'", path) from None
             if first["type"] == "missing":
                 raise self.complaint("missing", path) from None
+            if isinstance(first["input"], bool) and first["type"].startswith(_LIMITS):
+                raise self.complaint(_TRUTH, path) from None
             same = [item for item in errors if item["loc"] == first["loc"]]
             raise self.complaint(mistake(same), path) from None
+        if (path := _truth_at(given, made, place)) is not None:
+            raise self.complaint(_TRUTH, path)
+        return made
 
     def curve(self, data: Any, place: str) -> Curve:
         """Returns a curve from a number or a mapping with one key."""
@@ -153,6 +159,25 @@ class ProfileReader:
             lambda name: lasting_name(name, self.near),
             lambda name: sha256_of(find_trace(name, self.near)),
         )
+
+
+_TRUTH = "expected a number, not true or false (yes, no, on, off)"
+_LIMITS = ("greater_than", "less_than")
+"""Errors of pydantic about numbers that are out of their range."""
+
+
+def _truth_at(given: Any, made: Any, place: str) -> str | None:
+    """Returns where a true or false of a file was made a number, if anywhere."""
+    if isinstance(given, bool):
+        return None if isinstance(made, bool) else place
+    if isinstance(given, Mapping) and isinstance(made, BaseModel):
+        parts = [(key, value, getattr(made, key)) for key, value in given.items()]
+    elif isinstance(given, list) and isinstance(made, list | tuple):
+        parts = [(str(i), *pair) for i, pair in enumerate(zip(given, made, strict=True))]
+    else:
+        return None
+    found = (_truth_at(inner, value, f"{place}.{name}") for name, inner, value in parts)
+    return next(filter(None, found), None)
 
 
 _KNOWN = f"known: {', '.join(sorted(curves.KINDS))}"

@@ -45,6 +45,8 @@ _UNITS_OF_NAMES = {
 """Unit -> last word of the name of a column in it: `rtt_us`, `rtt (µs)`, `rttSec`."""
 _SHORTEST_STEP_S = 1e-5
 """Nobody measures RTTs more often."""
+_SAME_TIME_S = 1e-3
+"""A window that begins or ends so near a sample is meant to do so there."""
 _SHORTEST_RTT_MS = 0.1
 """Shorter round trips leave no machine; a trace in seconds has them."""
 MOST_OUTAGES = 4
@@ -200,8 +202,10 @@ def read_rtt_trace(description: TraceFile, near: Path | None) -> RttTrace:
         chosen &= times <= description.length_s
     if not chosen.any():
         raise SlambedError(f"no samples between start_s and its end, {path}; correct the window")
+    recorded_s = times
     times, values = times[chosen], values[chosen]
     _check(path, times, values, description)
+    _check_ends(path, times, recorded_s, description)
     if 0 < (middle := float(np.median(values))) < _SHORTEST_RTT_MS:
         remarks.append(
             f"{path.name}: its RTT is {middle:.2g} ms in the median; give rtt_unit if the column "
@@ -256,6 +260,26 @@ def _check(path: Path, times: np.ndarray, values: np.ndarray, description: Trace
             f"gap of {steps[bad[0]]:.1f} s in the trace at {start:.1f} s, longer than "
             f"{longest_s:g} s, {path}; was it an outage? Write {_as_outages(times, steps, bad)} "
             f"Else choose another window (start_s, length_s), or correct {unit}"
+        )
+
+
+def _check_ends(
+    path: Path, times: np.ndarray, recorded_s: np.ndarray, description: TraceFile
+) -> None:
+    """Raises SlambedError for a window that begins or ends in a gap: the value from beyond the gap
+    would hold in it. `recorded_s` has also the times outside the window."""
+    longest_s = _longest_gap_s(np.diff(recorded_s), description)
+    before, after = recorded_s[recorded_s < times[0]], recorded_s[recorded_s > times[-1]]
+    gap_s = times[0] - before.max(initial=-np.inf)
+    if before.size and times[0] > _SAME_TIME_S and gap_s > longest_s:
+        sample = _in_yaml(times[0] + description.start_s)
+        raise SlambedError(f"start_s is in a gap of {gap_s:.1f} s, {path}; move it to {sample}")
+    end_s = description.length_s
+    gap_s = after.min(initial=np.inf) - times[-1]
+    if end_s is not None and after.size and end_s - times[-1] > _SAME_TIME_S and gap_s > longest_s:
+        sample = _in_yaml(times[-1])
+        raise SlambedError(
+            f"length_s ends in a gap of {gap_s:.1f} s, {path}; shorten it to {sample}"
         )
 
 

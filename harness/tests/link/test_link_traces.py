@@ -126,6 +126,20 @@ def test_a_window_begins_between_two_samples(tmp_path: Path) -> None:
     assert trace(tmp_path, text, start_s=0.2).rtt_ms(0) == 12
 
 
+def test_a_window_begins_and_ends_in_no_gap(tmp_path: Path) -> None:
+    times = [n / 2 for n in (*range(20), *range(120, 200))]  # 0 to 9.5 s and 60 to 99.5 s
+    text = "time_s,rtt_ms\n" + "".join(f"{t},{10 if t < 60 else 40}\n" for t in times)
+    with pytest.raises(SlambedError, match=r"start_s is in a gap of 50.5 s, .*; move it to 60$"):
+        trace(tmp_path, text, start_s=12)
+    with pytest.raises(SlambedError, match=r"length_s ends in a gap of .*; shorten it to 9.5$"):
+        trace(tmp_path, text, length_s=30)
+    with pytest.raises(SlambedError, match=r"length_s ends in a gap of .*; shorten it to 4.5$"):
+        trace(tmp_path, text, start_s=5, length_s=30)
+    assert trace(tmp_path, text, start_s=60, length_s=30).rtt_ms(0) == 40
+    assert trace(tmp_path, text, start_s=5, length_s=4.5).rtt_ms(9) == 10
+    assert trace(tmp_path, text, start_s=12, max_gap_s=60).rtt_ms(0) < 40
+
+
 def test_a_trace_has_a_length_where_the_run_decides_how_much_of_it_plays(tmp_path: Path) -> None:
     for folder in ("near", "far"):
         (tmp_path / folder).mkdir()
@@ -289,6 +303,19 @@ def test_a_run_finds_what_lies_beside_a_profile_file(
     assert of_a_run.content == first.content
 
 
+def test_a_changed_profile_takes_its_traces_and_not_those_beside_the_experiment(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    for folder, rtt_ms in (("data", 5), ("experiments", 90)):
+        (tmp_path / folder).mkdir()
+        (tmp_path / folder / "mine.csv").write_text(f"time_s,rtt_ms\n0,{rtt_ms}\n")
+    monkeypatch.setenv("SLAMBED_DATA", str(tmp_path / "data"))
+    file = tmp_path / "mine.yaml"
+    file.write_text("params: {more_ms: 0}\nrtt_ms: {sum: [$more_ms, {trace: {file: mine.csv}}]}\n")
+    changed = {"profile": str(file), "params": {"more_ms": 1}, "name": "changed"}
+    assert parse_profile(changed, "exp.yaml", tmp_path / "experiments").rtt_ms(0) == 6
+
+
 def test_the_folder_of_a_trace_is_in_no_run_key(tmp_path: Path) -> None:
     meanings = []
     for folder in (tmp_path / "a", tmp_path / "b"):
@@ -428,7 +455,12 @@ def test_an_outage_is_suggested_to_the_millisecond_however_late(tmp_path: Path) 
 
 def test_a_recorded_rate_of_one_packet_and_one_with_silence_are_told() -> None:
     side = Mock()
-    for times_ms, told in (([12], "mean 1.00 Mbit/s"), ([100, 5000], "0.00 to 0.01")):
+    for times_ms, told in (
+        ([1], "mean 12.00 Mbit/s; begins again after 0.001 s"),
+        ([12], "mean 1.00 Mbit/s; begins again after 0.012 s"),
+        ([100, 5000], "0.00 to 0.01"),
+        ([500, 1000, 1500, 2000], "mean 0.02 Mbit/s, in single seconds 0.02 to 0.02"),
+    ):
         side.rate.trace = "rate.log"
         assert told in recorded_rate(side, {"rate.log": times_ms})
 
