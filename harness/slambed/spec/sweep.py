@@ -8,6 +8,7 @@ were written.
 import re
 from copy import deepcopy
 from itertools import product
+from pathlib import Path
 from typing import Any
 
 from slambed.errors import SlambedError
@@ -73,8 +74,12 @@ def changed(source: YamlSource, settings: list[str]) -> YamlSource:
         if key.startswith(PARAMS) and isinstance(entries, list):
             name = key.removeprefix(PARAMS)
             for index, entry in enumerate(entries):
-                if isinstance(entry, dict):
-                    entry["params"] = {**(entry.get("params") or {}), name: value}
+                if not isinstance(entry, dict):
+                    continue
+                params = entry.get("params")
+                # What is no mapping is left to the check of the systems.
+                if params is None or isinstance(params, dict):
+                    entry["params"] = {**(params or {}), name: value}
                     _write_at(written_at, (SYSTEMS, index, "params", name), setting)
         else:
             _put(data, key.split("."), value, setting)
@@ -129,11 +134,16 @@ def _at(source: YamlSource, index: int, entry: dict[str, Any], point: dict[str, 
     for key, value in point.items():
         name = key.removeprefix(PARAMS)
         part, _, leaf = ("params." + name if name != key else key).rpartition(".")
-        inside = made if not part else made.setdefault(part, {})
-        if not isinstance(inside, dict) or leaf in inside:
+        if part and made.get(part) is None:
+            made[part] = {}
+        inside = made[part] if part else made
+        if not isinstance(inside, dict):
+            found = f"expected a mapping, not {in_words(inside)}"
+            raise source.complaint(found, (SYSTEMS, index, part))
+        if leaf in inside:
             raise source.complaint(f"{key} is in the grid and here", (SYSTEMS, index))
         inside[leaf] = value
-        values[leaf] = str(value)
+        values[leaf] = str(value).replace("/", "_")  # a label has no '/'
     label = entry.get("label")
     if isinstance(label, str) and (slots := SLOT.findall(label)):
         for slot in slots:
@@ -141,11 +151,20 @@ def _at(source: YamlSource, index: int, entry: dict[str, Any], point: dict[str, 
                 message = f"the grid varies no '{slot}' for the label"
                 raise source.complaint(message, (SYSTEMS, index, "label"), suggestion(slot, values))
         return {**made, "label": SLOT.sub(lambda found: values[found[1]], label)}
-    base = label or entry.get("system")
+    base = label or _called(entry.get("system"))
     if not label and entry.get("variant"):
         base = f"{base}:{entry['variant']}"
     words = ", ".join(f"{leaf} {value}" for leaf, value in values.items())
     return {**made, "label": f"{base} {words}"}
+
+
+def _called(system: Any) -> Any:
+    """Returns the system's name in a label; of a path the file's, or that of the folder of a
+    system.yaml."""
+    if not isinstance(system, str) or not system.endswith((".yaml", ".yml")):
+        return system
+    path = Path(system)
+    return path.stem if path.name != "system.yaml" else path.parent.name or path.stem
 
 
 def _put(data: dict[str, Any], path: list[str], value: Any, setting: str) -> None:

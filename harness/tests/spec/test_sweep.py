@@ -132,6 +132,29 @@ def test_a_system_has_its_own_grid_instead_of_the_experiments(tmp_path: Path) ->
     ]  # fmt: skip
 
 
+def test_a_label_has_no_folders(tmp_path: Path) -> None:
+    grid = {"params.map": ["a/b.slm"], "params.n": [5]}
+    for system, label in (
+        ("./mine/system.yaml", "mine map a_b.slm, n 5"),
+        ("mine/other.yaml", "other map a_b.slm, n 5"),
+        ("orbslam2", "orbslam2 map a_b.slm, n 5"),
+    ):
+        name = experiment_file(tmp_path, systems=[{"system": system, "grid": grid}])
+        (choice,) = Library().experiment(name)[0].systems
+        assert choice.label == label
+        assert choice.params == {"map": "a/b.slm", "n": 5}
+
+
+def test_params_that_are_empty_or_no_mapping(tmp_path: Path) -> None:
+    grid = {"params.n_orb": [500]}
+    name = experiment_file(tmp_path, systems=[SYSTEMS[0] | {"params": None, "grid": grid}])
+    assert Library().experiment(name)[0].systems[0].params == {"n_orb": 500}
+    for entry in ({"params": [1]}, {"params": [1], "grid": grid}):
+        name = experiment_file(tmp_path, systems=[SYSTEMS[0] | entry])
+        with pytest.raises(SlambedError, match=r"expected a mapping, not a list, .* line"):
+            Library().experiment(name, ["params.n_orb=750"] if "grid" not in entry else None)
+
+
 @pytest.mark.parametrize(
     ("entry", "expected", "line"),
     [
