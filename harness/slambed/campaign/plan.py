@@ -88,7 +88,7 @@ def repetitions(experiment: Experiment, asked: int | str | None) -> int:
         if experiment.runs.paper is None:
             raise SlambedError(f"experiment {experiment.id} has no runs.paper; give a number")
         return experiment.runs.paper
-    if (isinstance(asked, int) or asked.isdigit()) and 1 <= (count := int(asked)) <= MOST_RUNS:
+    if (isinstance(asked, int) or asked.isdecimal()) and 1 <= (count := int(asked)) <= MOST_RUNS:
         return count
     raise SlambedError(
         f"--runs {asked} is neither a number from 1 to {MOST_RUNS:,} nor 'paper' nor 'default'"
@@ -408,17 +408,17 @@ def make_plan(
             backends = {p.name: backend_for(asked, p, cut, netem) for p in profiles}
     prior: dict[str, tuple[str, str]] = {}
     references: dict[str, str] = {}
-    by_id = {found: name for name, (found, _) in names.items()}
-    for sequence in sequences.values():
+    by_name = {name: sequences[found] for name, (found, _) in names.items()}
+    for name, sequence in by_name.items():
         if provide is None:
             break
         if wants_maps(experiment) and sequence.prior_map:
             made = provide(sequence.prior_map)
-            prior[by_id[sequence.id]] = (str(made), inputs.sha256_of(made))
+            prior[name] = (str(made), inputs.sha256_of(made))
         if judged and sequence.reference:
-            references[by_id[sequence.id]] = str(provide(sequence.reference))
+            references[name] = str(provide(sequence.reference))
     segmented = datasets_with_masks(experiment, library)
-    by_name = {by_id[s.id]: s for s in sequences.values() if by_id[s.id] in segmented}
+    by_name = {name: sequence for name, sequence in by_name.items() if name in segmented}
     wanted = masks_asked(experiment, library)
     masks = (
         make_masks(wanted, by_name, notify) if engine == VIRTUAL else networks_of(wanted, by_name)

@@ -20,7 +20,15 @@ from slambed.campaign import datasets
 from slambed.campaign import plan as planning
 from slambed.campaign.datasets import prepare_sequence
 from slambed.campaign.order import interleaved
-from slambed.campaign.plan import Plan, at_host_pace, make_plan, remarks_on, repetitions, unplayed
+from slambed.campaign.plan import (
+    Plan,
+    Provider,
+    at_host_pace,
+    make_plan,
+    remarks_on,
+    repetitions,
+    unplayed,
+)
 from slambed.data import places
 from slambed.data.recipe import DatasetPlayback
 from slambed.errors import ExitCode, SlambedError
@@ -81,6 +89,26 @@ def test_live_runs_at_the_pace_of_this_machine_are_said() -> None:
     assert "--set" not in line and "programs that are not slambed's" in line
 
 
+def test_what_belongs_to_a_sequence_reaches_each_of_its_names(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    prepare, segmented = planning.prepare_sequence, list[str]()
+    monkeypatch.setattr(
+        planning, "prepare_sequence", lambda *a: replace(prepare(*a), reference="truth")
+    )
+    monkeypatch.setattr(planning, "datasets_with_masks", lambda experiment, _: {*names})
+    monkeypatch.setattr(planning, "networks_of", lambda _, found: segmented.extend(found) or {})
+    here = str(write_prepared(tmp_path / "here").path)
+    names = [here, f"{here}/"]
+    systems = [
+        {"system": "solo", "label": device, "datasets": [name], "devices": {"mobile": device}}
+        for name, device in zip(names, ("small", "big"), strict=True)
+    ]
+    plan = plan_with(names, tmp_path, systems=systems, provide=Path)
+    assert [spec.reference for spec in plan.specs] == ["truth"] * 4
+    assert segmented == names
+
+
 def test_order_interleaves_and_repeats_itself() -> None:
     wanted = specs(cells=5, runs=3)
     first = interleaved(wanted, seed=1)
@@ -97,7 +125,9 @@ def test_order_of_the_first_repetitions_does_not_depend_on_later_ones() -> None:
     assert interleaved(wanted, 1)[:10] == interleaved(fewer, 1)
 
 
-def plan_with(datasets: list[str], root: Path, **changes: Any) -> Plan:
+def plan_with(
+    datasets: list[str], root: Path, provide: Provider | None = None, **changes: Any
+) -> Plan:
     text = json.dumps(
         {
             "id": "tiny",
@@ -111,7 +141,7 @@ def plan_with(datasets: list[str], root: Path, **changes: Any) -> Plan:
     write_library(root, text)
     library = Library(root)
     experiment, source = library.experiment("tiny")
-    return make_plan(experiment, source, library, [], "local", "test", 2)
+    return make_plan(experiment, source, library, [], "local", "test", 2, provide)
 
 
 def test_a_dataset_that_is_not_here_ends_the_experiment_or_is_left_out(
@@ -194,7 +224,7 @@ def test_repetitions(tmp_path: Path, asked: str | None, count: int) -> None:
     write_library(tmp_path)
     experiment, _ = Library(tmp_path).experiment("tiny")
     assert repetitions(experiment, asked) == count
-    for bad in ("0", "-1", "many"):
+    for bad in ("0", "-1", "many", "²"):
         with pytest.raises(SlambedError, match="--runs"):
             repetitions(experiment, bad)
 
