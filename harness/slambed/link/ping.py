@@ -180,7 +180,8 @@ def _stamp(line: str) -> _Stamp | None:
 
 def _read_stamp(found: re.Match[str]) -> _Stamp | None:
     if (number := found["s"] or found["bare"]) is not None:
-        return _Stamp(float(number.replace(",", ".")))
+        seconds = float(number.replace(",", "."))
+        return _Stamp(seconds) if math.isfinite(seconds) else None
     date, period_s = found["date"], math.inf
     if (clock := found["clock"]) is not None:
         date, period_s = f"1970-01-01 {clock}", _DAY_S

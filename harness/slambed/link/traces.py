@@ -335,7 +335,10 @@ def _usual_gap_s(steps: np.ndarray, description: TraceFile) -> float:
 
 def _read_columns(path: Path, description: TraceFile) -> tuple[np.ndarray, np.ndarray]:
     lines = read_lines(path)
-    rows = _split(_with_header(lines, {description.time, description.rtt}))
+    try:
+        rows = _split(_with_header(lines, {description.time, description.rtt}))
+    except csv.Error as error:
+        raise SlambedError(f"no table: {error}, {path}; clean the file") from None
     if len(rows) < 2:
         raise SlambedError(f"no samples, {path}; expected a header line and numbers")
     header = [name.strip() for name in rows[0][1]]

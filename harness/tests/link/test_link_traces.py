@@ -256,6 +256,7 @@ def test_a_ping_log(tmp_path: Path) -> None:
         ("time_s,rtt_ms\n5,1\n5,1\n5,1\n6,2\n", {}, "most samples share one"),
         ("time_s,rtt_ms\n17:15:30.0,1\n", {}, "times are numbers or dates such as 2026-"),
         ("nothing here\n", {"format": "ping"}, "no samples"),
+        (f"time_s,rtt_ms\n0,{'1' * 131073}\n", {}, "no table: field larger than"),
         ("time_s,rtt_ms\n0,1\n0.5,2\n", {"start_s": 60.0}, "no samples between"),
         ("time_s,rtt_ms\n0,1\n", {"rtt_unit": "minutes"}, "rtt_unit"),
         ("time_s,rtt_ms\n0,1\n", {"sha256": "00"}, "not the expected content"),
@@ -661,6 +662,13 @@ def test_traces_in_any_encoding(tmp_path: Path, encoding: str) -> None:
     assert profile.rtt_ms(0.5) == 3
     file.write_bytes("5\r\n7\r\n\r\n".encode(encoding))
     assert read_rate_trace(str(file), None) == [5, 7]
+
+
+def test_a_stamp_that_is_no_time_is_none(tmp_path: Path) -> None:
+    reply = "64 bytes from 1.2.3.4: icmp_seq={} ttl=57 time=1 ms"
+    stamps = ["9" * 400, "1795651785.4", "1795651786.4"]
+    lines = [f"[{stamp}] {reply.format(i)}" for i, stamp in enumerate(stamps)]
+    assert ping_trace(tmp_path, lines).duration == pytest.approx(1)
 
 
 def test_lines_of_comments_count(tmp_path: Path) -> None:
