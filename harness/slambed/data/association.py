@@ -7,6 +7,9 @@ from numpy.typing import ArrayLike, NDArray
 MAX_DIFFERENCE_S = 0.02
 """Default of the TUM benchmark, for both images and poses."""
 
+_ANY_S = 1e8
+"""More than between any two frames of a recording, and in ns well below 64 bits."""
+
 Indices = NDArray[np.intp]
 
 
@@ -67,6 +70,6 @@ def pairs_of_sensors(
     first_ns: list[int], second_ns: list[int], max_difference_s: float = MAX_DIFFERENCE_S
 ) -> list[tuple[int, int]]:
     """Applies match_tum to the sorted timestamps of two sensors; returns pairs of indices."""
-    limit_ns = round(max_difference_s * 1e9)
+    limit_ns = round(min(max_difference_s, _ANY_S) * 1e9)
     i, j = match_tum(np.array(first_ns, np.int64), np.array(second_ns, np.int64), limit_ns)
     return list(zip(i.tolist(), j.tolist(), strict=True))

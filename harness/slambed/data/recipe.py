@@ -140,7 +140,7 @@ class CameraRecipe(_Strict):
 class DatasetPlayback(_Strict):
     """Defaults for experiments that do not set these options."""
 
-    fps: float | None = Field(default=None, gt=0)
+    fps: float | None = Field(default=None, ge=0.001)
     """Frames per second; null plays as recorded."""
     start_s: float = Field(default=0.0, ge=0)
     """Start of playback, in seconds from the first frame of the prepared sequence."""

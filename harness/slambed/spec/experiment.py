@@ -37,7 +37,7 @@ class Playback(BaseModel):
     """`realtime`: a frame is offered at its timestamp; one that arrives while tracking is busy
     waits, and a newer one replaces it. `every_frame`: the next frame is offered when tracking is
     done, but not before its timestamp (without that wait if a system is `sequential`)."""
-    fps: float | None = Field(default=None, gt=0)
+    fps: float | None = Field(default=None, ge=0.001)
     """At less than the recorded rate every k-th frame is kept (k = recorded rate / `fps`,
     rounded); null plays all frames."""
     start_s: float = Field(default=0.0, ge=0)
