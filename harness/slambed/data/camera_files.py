@@ -203,7 +203,8 @@ def _asl(data: dict[str, Any], where: str) -> list[CalibratedCamera]:
 def _kalibr(data: dict[str, Any], where: str) -> list[CalibratedCamera]:
     cameras: list[CalibratedCamera] = []
     to_imu_before: Floats | None = None
-    for name in sorted(key for key in data if re.fullmatch(r"cam\d+", key)):
+    names = (key for key in data if re.fullmatch(r"cam\d+", key))
+    for name in sorted(names, key=lambda name: int(name.removeprefix("cam"))):
         entry, place = _mapped(data[name], name), f"{where}: {name}"
         _must_be_pinhole(entry, place)
         lens = _lens(

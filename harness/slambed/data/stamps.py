@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import re
 import statistics
 from collections.abc import Callable, Sequence
 from datetime import UTC, datetime
@@ -26,7 +27,8 @@ Place = Callable[[int], str]
 
 
 def number_or_date(text: str) -> Decimal:
-    """Parses a number, or a date as in KITTI's raw recordings (UTC) as seconds since 1970.
+    """Parses a number, or a date as in KITTI's raw recordings as seconds since 1970; it is UTC
+    where it does not say otherwise.
 
     Raises ValueError.
     """
@@ -41,11 +43,15 @@ def number_or_date(text: str) -> Decimal:
 
 
 def _date(text: str) -> Decimal:
-    whole, _, rest = text.partition(".")
-    if not (rest or "0").isdecimal():
+    # datetime has microseconds only, and recordings have nanoseconds.
+    whole, _, rest = text.replace(",", ".").partition(".")
+    found = re.fullmatch(r"(\d*)(\D.*)?", rest)
+    if found is None:
         raise ValueError(f"'{text}' is not a time")
-    moment = datetime.fromisoformat(whole).replace(tzinfo=UTC)
-    return Decimal(int(moment.timestamp())) + Decimal(f"0.{rest or 0}")
+    fraction, zone = found[1] or "0", found[2] or ""
+    moment = datetime.fromisoformat(whole + zone)
+    moment = moment.replace(tzinfo=moment.tzinfo or UTC)
+    return Decimal(int(moment.timestamp())) + Decimal(f"0.{fraction}")
 
 
 def recognized_unit(counts: Sequence[Decimal], usual: str, fps: float) -> str | None:

@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import shutil
+from decimal import Decimal
 from pathlib import Path
 from typing import Any
 
@@ -19,6 +20,7 @@ from rosbags.typesys import Stores, get_typestore
 from slambed.data.association import pairs_of_sensors
 from slambed.data.model import Camera
 from slambed.data.readers import ReaderOptions, load_reader, reader_names
+from slambed.data.stamps import number_or_date
 from slambed.errors import SlambedError
 
 
@@ -38,6 +40,7 @@ def test_association_takes_the_closest_pairs_first() -> None:
     first = [0, 30 * ms, 60 * ms]
     second = [12 * ms, 31 * ms, 65 * ms, 200 * ms]  # 0-12, 30-31, 60-65; 200 has no partner
     assert pairs_of_sensors(first, second) == [(0, 0), (1, 1), (2, 2)]
+    assert pairs_of_sensors(first, second, 1e300) == [(0, 0), (1, 1), (2, 2)]
     assert pairs_of_sensors(first, [15 * ms + 1, 29 * ms]) == [(0, 0), (1, 1)]
     assert pairs_of_sensors([0, 10 * ms], [9 * ms]) == [(1, 0)]
     assert pairs_of_sensors([0], [20 * ms - 1]) == [(0, 0)]
@@ -213,6 +216,23 @@ def test_kitti_with_dates_headers_and_commas(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
+    ("date", "since_1970"),
+    [
+        ("2020-01-01T00:00:00+01:00", "1577833200"),
+        ("2020-01-01 00:00:00.123456789+01:00", "1577833200.123456789"),
+        ("2020-01-01T00:00:00.5Z", "1577836800.5"),
+        ("2020-01-01T00:00:00,5-0530", "1577856600.5"),
+        ("2020-01-01T00:00:00.964389445", "1577836800.964389445"),
+    ],
+)
+def test_the_time_zone_of_a_date_counts(date: str, since_1970: str) -> None:
+    assert number_or_date(date) == Decimal(since_1970)
+    for wrong in (f"{date}x", date[:10] + ".5+", "2020-01-01T00:00:00.5 5"):
+        with pytest.raises(ValueError, match=r"not a time|isoformat"):
+            number_or_date(wrong)
+
+
+@pytest.mark.parametrize(
     ("file", "text", "complaint"),
     [
         ("calib.txt", "P0: 1 2 x\n", r"calib.txt:1: .*'x', expected 12 numbers"),
@@ -271,7 +291,14 @@ def test_what_a_format_cannot_hold_is_refused(tmp_path: Path) -> None:
 
 def test_kitti_left_only(tmp_path: Path) -> None:
     folder = write_kitti(tmp_path, right=False)
-    assert next(iter(load_reader("kitti")(folder, options(sensor="mono")))).second is None
+    mono = load_reader("kitti")(folder, options(sensor="mono", camera=None, size=None))
+    assert next(iter(mono)).second is None
+    text = (folder / "calib.txt").read_text()
+    for calibration, bf in (
+        (text, 380), (text.replace("-380", "380"), 0), (text.partition("P1")[0], 0)
+    ):  # fmt: skip
+        (folder / "calib.txt").write_text(calibration)
+        assert (mono.camera().fx, mono.camera().bf) == (700, bf)
     with pytest.raises(SlambedError, match="image_1"):
         load_reader("kitti")(folder, options(sensor="stereo"))
 

@@ -11,6 +11,7 @@ import yaml
 from command_line import slambed
 from data_samples import one_line
 
+from slambed.data.camera_files import read_cameras
 from slambed.data.import_camera import camera_yaml
 from slambed.data.recipe import CameraRecipe
 from slambed.errors import SlambedError
@@ -210,6 +211,14 @@ def test_a_camchain(tmp_path: Path) -> None:
     )
     with pytest.raises(SlambedError, match=r"a Kalibr camchain with 2 camera\(s\)"):
         imported(tmp_path, KALIBR, 2)
+
+
+def test_cameras_of_a_camchain_are_in_the_order_of_their_numbers(tmp_path: Path) -> None:
+    first, _, more = KALIBR.partition("cam1:")
+    chain = "".join(f"cam{i}:{more.replace('250', str(250 + i))}" for i in range(1, 12))
+    (tmp_path / "chain.yaml").write_text(first + chain)
+    _, cameras = read_cameras(tmp_path / "chain.yaml")
+    assert [camera.lens.matrix[0, 2] for camera in cameras[1:]] == [*range(251, 262)]
 
 
 @pytest.mark.parametrize(

@@ -96,26 +96,32 @@ class Reader(FolderReader):
         return self._size
 
     def camera(self) -> Camera:
-        """From P0 and P1 of calib.txt: bf is minus the fourth entry of P1."""
-        (line0, p0), (line1, p1) = (self._projection(name) for name in ("P0", "P1"))
+        """From P0 and P1 of calib.txt: bf is minus the fourth entry of P1. One camera needs no
+        P1."""
+        line0, p0 = self._projection("P0")
         if not (p0[0, 0] > 0 and p0[1, 1] > 0):
             raise SlambedError(
                 f"{self._calibration}:{line0}: the focal lengths of P0 are {p0[0, 0]:g} and "
                 f"{p0[1, 1]:g}, expected to be above 0; fetch the file again"
             )
-        if self.options.sensor == "stereo" and not np.allclose(p0[:, :3], p1[:, :3], atol=1e-3):
+        pinhole = {"fx": p0[0, 0], "fy": p0[1, 1], "cx": p0[0, 2], "cy": p0[1, 2]}
+        is_stereo = self.options.sensor == "stereo"
+        if not is_stereo and not self._lines_of("P1"):
+            return Camera(**pinhole, bf=0.0)
+        line1, p1 = self._projection("P1")
+        if is_stereo and not np.allclose(p0[:, :3], p1[:, :3], atol=1e-3):
             raise SlambedError(
                 f"{self._calibration}:{line1}: P0 and P1 differ in more than their fourth column, "
                 "so the pictures are not rectified; rectify them, or take 'sensor: mono'"
             )
         bf = p0[0, 3] - p1[0, 3]
-        if bf < 0 or (bf == 0 and self.options.sensor == "stereo"):
+        if bf <= 0 and is_stereo:
             raise SlambedError(
                 f"{self._calibration}:{line1}: the fourth number of P1 is {p1[0, 3]:g}, expected "
                 f"below {p0[0, 3]:g} (minus fx times baseline): the right camera is not to the "
                 "right of the left one; correct the file or swap image_0 and image_1"
             )
-        return Camera(fx=p0[0, 0], fy=p0[1, 1], cx=p0[0, 2], cy=p0[1, 2], bf=bf)
+        return Camera(**pinhole, bf=max(bf, 0.0))
 
     def trajectory(self) -> Trajectory | None:
         file = self._poses_file()
@@ -155,14 +161,18 @@ class Reader(FolderReader):
             f"{self._left[-1].name}; expected a line for each; fetch the file again"
         )
 
-    def _projection(self, wanted: str) -> tuple[int, np.ndarray]:
-        """Returns the number of a line of calib.txt and its matrix [3,4]."""
-        found = [
+    def _lines_of(self, wanted: str) -> list[tuple[int, str]]:
+        """Returns number and values of the lines of calib.txt with this name."""
+        return [
             (number, values)
             for number, line in enumerate(read_lines(self._calibration), 1)
             for name, _, values in [line.partition(":")]
             if name.strip() == wanted
         ]
+
+    def _projection(self, wanted: str) -> tuple[int, np.ndarray]:
+        """Returns the number of a line of calib.txt and its matrix [3,4]."""
+        found = self._lines_of(wanted)
         if not found:
             raise SlambedError(
                 f"{self._calibration}: no line {wanted} with {_PROJECTION}; complete it"
