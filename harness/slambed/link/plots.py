@@ -3,6 +3,7 @@
 
 from collections.abc import Mapping
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -98,7 +99,7 @@ def plot_links(links: Mapping[str, pd.DataFrame], path: Path) -> None:
     # One legend suffices, where most is drawn.
     max(axes[::2].flat, key=lambda top: len(top.lines)).legend(frameon=False)
     # Matplotlib's SVG and PDF take no options of Pillow.
-    smaller = {"pil_kwargs": {"optimize": True}} if path.suffix.lower() == ".png" else {}
+    smaller: dict[str, Any] = {"pil_kwargs": {"optimize": True}} if path.suffix.lower() == ".png" else {}
     with writing(path):
         figure.savefig(path, dpi=LINKS_DPI, **smaller)
 

@@ -80,8 +80,8 @@ class ProfileReader:
                 raise self.complaint(_TRUTH, path) from None
             same = [item for item in errors if item["loc"] == first["loc"]]
             raise self.complaint(mistake(same), path) from None
-        if (path := _truth_at(given, made, place)) is not None:
-            raise self.complaint(_TRUTH, path)
+        if (truth := _truth_at(given, made, place)) is not None:
+            raise self.complaint(_TRUTH, truth)
         return made
 
     def curve(self, data: Any, place: str) -> Curve:
