@@ -70,6 +70,11 @@ def profile_rtt(link: LinkSpec, horizon_s: float) -> ProfileRtt:
     end_s = horizon_s if settled_s is None else min(settled_s, horizon_s)
     steps = range(math.ceil(end_s / RTT_STEP_S) + 1)
     rtt_ms = [round(profile.rtt_ms(step * RTT_STEP_S), 4) for step in steps]
+    if end_s == settled_s:
+        # As in delay_table_ms.
+        after = round(profile.rtt_ms(len(steps) * RTT_STEP_S), 4)
+        if after != rtt_ms[-1]:
+            rtt_ms.append(after)
     return ProfileRtt(step_s=RTT_STEP_S, rtt_ms=rtt_ms)
 
 

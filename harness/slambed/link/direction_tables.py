@@ -26,7 +26,13 @@ def delay_table_ms(profile: Profile, horizon_s: float) -> tuple[list[float], lis
         end = horizon_s if settled is None else min(settled, horizon_s)
         count = int(np.ceil(end * 1e3 / STEP_MS)) + 1
         t = np.arange(count, dtype=np.float64) * (STEP_MS / 1e3)
-        tables.append([round(float(value), 6) for value in share * curve.at(t)])
+        table = [round(float(value), 6) for value in share * curve.at(t)]
+        if end == settled:
+            # Rounding may put the last time just before a step, whose value would hold for ever.
+            after = share * curve.at(np.array([count * STEP_MS / 1e3]))
+            if (value := round(float(after[0]), 6)) != table[-1]:
+                table.append(value)
+        tables.append(table)
     return tables[0], tables[1]
 
 

@@ -11,6 +11,7 @@ import pytest
 
 from slambed.engines.result import profile_rtt
 from slambed.errors import SlambedError
+from slambed.link.direction_tables import delay_table_ms
 from slambed.link.impairments import outages_within
 from slambed.link.modeled import modeled_link
 from slambed.link.profile import load_profile, parse_profile, profile_names
@@ -74,6 +75,18 @@ def test_every_link_follows_the_curves_beyond_the_duration() -> None:
     assert given.rtt_ms[-1] == 50
     still = parse_profile(inline({"points": [[0, 0], [4, 50]]}, duration_s=0), "here")
     assert not still.is_none
+
+
+def test_a_step_at_the_very_end_holds_afterwards() -> None:
+    """3.1 + 1.0 - 3.1 is less than 1.0."""
+    late = inline({"delayed": {"by_s": 3.1, "of": {"steps": [[0, 10], [1.0, 80]]}}})
+    profile = parse_profile(late, "here")
+    up_ms, down_ms = delay_table_ms(profile, 60.0)
+    assert up_ms == down_ms and (len(up_ms), up_ms[-2:]) == (412, [5, 40])
+    link = LinkSpec(backend="relay", profile="x", content=dict(profile.content))
+    assert profile_rtt(link, 60.0).rtt_ms[-2:] == [10, 80]
+    early = parse_profile(inline({"steps": [[0, 10], [4.1, 80]]}), "here")
+    assert (len(delay_table_ms(early, 60.0)[0]), len(delay_table_ms(profile, 2.0)[0])) == (411, 201)
 
 
 def test_the_papers_profiles_have_the_papers_values() -> None:
