@@ -98,8 +98,9 @@ def plot_links(links: Mapping[str, pd.DataFrame], path: Path) -> None:
         bottom.set_xlabel("run time [s]")
     # One legend suffices, where most is drawn.
     max(axes[::2].flat, key=lambda top: len(top.lines)).legend(frameon=False)
-    # Matplotlib's SVG and PDF take no options of Pillow.
-    smaller: dict[str, Any] = {"pil_kwargs": {"optimize": True}} if path.suffix.lower() == ".png" else {}
+    smaller: dict[str, Any] = {}
+    if path.suffix.lower() == ".png":  # SVG and PDF take no options of Pillow
+        smaller = {"pil_kwargs": {"optimize": True}}
     with writing(path):
         figure.savefig(path, dpi=LINKS_DPI, **smaller)
 
