@@ -44,9 +44,10 @@ def number_or_date(text: str) -> Decimal:
 
 def _date(text: str) -> Decimal:
     # datetime has microseconds only, and recordings have nanoseconds.
-    whole, _, rest = text.replace(",", ".").partition(".")
+    whole, _, rest = re.sub(r"(?<=:\d\d),", ".", text).partition(".")
     found = re.fullmatch(r"(\d*)(\D.*)?", rest)
-    if found is None:
+    # Digits alone, as of 1611120512304,5, are no date, though Python reads the year 1611.
+    if found is None or re.fullmatch(r"[\d,]*", whole):
         raise ValueError(f"'{text}' is not a time")
     fraction, zone = found[1] or "0", found[2] or ""
     moment = datetime.fromisoformat(whole + zone)

@@ -227,7 +227,7 @@ def test_kitti_with_dates_headers_and_commas(tmp_path: Path) -> None:
 )
 def test_the_time_zone_of_a_date_counts(date: str, since_1970: str) -> None:
     assert number_or_date(date) == Decimal(since_1970)
-    for wrong in (f"{date}x", date[:10] + ".5+", "2020-01-01T00:00:00.5 5"):
+    for wrong in (f"{date}x", date[:10] + ".5+", "2020-01-01T00:00:00.5 5", "1611120512304,5"):
         with pytest.raises(ValueError, match=r"not a time|isoformat"):
             number_or_date(wrong)
 
