@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """`slambed papers run`: plays the experiments of papers as one campaign."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from slambed.campaign.options import Options
@@ -51,31 +51,57 @@ class Played:
         return f"{self.overall.left} runs are left, about {duration(self.overall.left_s())}"
 
 
+@dataclass
+class SetAside:
+    """The experiments that could not be played."""
+
+    refused: dict[str, str] = field(default_factory=dict)
+    """Experiment -> why."""
+    environments: list[SlambedError] = field(default_factory=list)
+    """Failures of the environment since the last experiment that was played."""
+
+    def add(self, name: str, error: SlambedError) -> None:
+        """Sets an experiment aside. Its environment may lack what only it needs, such as an engine.
+        Raises the error if nothing could be played since another such one: it is this machine."""
+        if error.code == ExitCode.ENVIRONMENT:
+            if self.environments:
+                raise error
+            self.environments.append(error)
+        self.refused[name] = str(error)
+
+    def raise_if_all(self, asked: int) -> None:
+        """Raises the failure of the environment if it was the only experiment."""
+        if self.environments and asked == len(self.refused) == 1:
+            raise self.environments[0]
+
+
 def play(papers: list[Paper], options: Options, budget_s: float | None) -> Played:
     """Plays what is missing of the papers' experiments, in the order of what it decides.
 
     An experiment that cannot be played is set aside, and the others go on. Raises SlambedError for
-    failures of the environment, such as a full disk.
+    failures of the environment that are not of one experiment, such as a full disk.
     """
     screen = console()
-    refused: dict[str, str] = {}
+    set_aside = SetAside()
     ahead: dict[str, Ahead] = {}
-    for name in experiments_of(papers):
+    names = experiments_of(papers)
+    for name in names:
         own = replace(options, runs=_runs(papers, name, options.runs))
         try:
             experiment, _ = Library().experiment(name)
             found = outlook(name, own)
         except SlambedError as error:
-            refused[name] = _or_raise(error)
+            set_aside.add(name, error)
             print_to(screen, f"{name} is left out: {error}")
             continue
+        set_aside.environments.clear()
         worth = sum(
             (decides(paper, name, set(experiment.reproduces)) for paper in papers), Decides()
         )
         ahead[name] = Ahead(own, found, worth)
     jobs = options.jobs or len(own_cpus())
     overall = Overall({name: item.outlook for name, item in ahead.items()}, jobs, budget_s)
-    played = Played([], refused, overall)
+    played = Played([], set_aside.refused, overall)
     cost_s = {name: item.outlook.missing * item.outlook.run_s for name, item in ahead.items()}
     print_to(
         screen,
@@ -90,7 +116,7 @@ def play(papers: list[Paper], options: Options, budget_s: float | None) -> Playe
             own = replace(ahead[name].options, overall=overall)
             outcome = run_and_report(name, own, screen)
         except SlambedError as error:
-            refused[name] = _or_raise(error)
+            set_aside.add(name, error)
             print_to(screen, f"{name} is left out: {error}")
             continue
         played.outcomes.append(outcome)
@@ -98,12 +124,14 @@ def play(papers: list[Paper], options: Options, budget_s: float | None) -> Playe
             played.interrupted = True
             break
         if outcome.done:
+            set_aside.environments.clear()
             overall.decided = _decided(papers, options.results)
         print_to(
             screen,
             f"papers: {overall.done} of {overall.total} runs, "
             f"{duration(overall.left_s())} left; {overall.decided}",
         )
+    set_aside.raise_if_all(len(names))
     return played
 
 
@@ -137,13 +165,6 @@ def raise_unless_done(played: Played) -> None:
             f"{_experiments(len(played.refused))} could not be played: {name}: {why}",
             ExitCode.NOT_ALL_GOOD,
         )
-
-
-def _or_raise(error: SlambedError) -> str:
-    """Returns the line of an error that only affects one experiment."""
-    if error.code == ExitCode.ENVIRONMENT:
-        raise error
-    return str(error)
 
 
 def _runs(papers: list[Paper], experiment: str, asked: int | str | None) -> int | str | None:

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import pytest
 from command_line import refused, slambed
+from rich.console import Console
 from test_compare import PAPER_CONVENTIONAL, PAPER_ENHANCED, table_2
 
 from slambed.campaign.options import Options
@@ -172,6 +173,32 @@ def test_an_interruption_ends_it_and_a_broken_environment_fails(
     monkeypatch.setattr(papers_run, "run_and_report", full)
     with pytest.raises(SlambedError, match="the disk is full"):
         play([dynnetslam], replace(Options(), results=tmp_path), None)
+
+
+def test_one_experiment_that_this_machine_cannot_play_is_set_aside(
+    dynnetslam: Paper,
+    played: list[tuple[str, Options]],
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    good = papers_run.run_and_report
+
+    def without_root(name: str, options: Options, screen: Console) -> CampaignOutcome:
+        if name in ("d_f2_cores", "d_t3_sine"):
+            raise SlambedError("engine local needs root", ExitCode.ENVIRONMENT)
+        return good(name, options, screen)
+
+    monkeypatch.setattr(papers_run, "run_and_report", without_root)
+    monkeypatch.setattr(papers_run, "in_order", lambda found, _: sorted(found))
+    found = play([dynnetslam], Options(results=tmp_path), None)
+    assert set(found.refused) == {"d_f2_cores", "d_t2_rtt", "d_t3_sine"} and found.outcomes
+    with pytest.raises(SlambedError, match="3 experiments could not be played"):
+        raise_unless_done(found)
+    # Where it was the only one, the machine is the reason.
+    monkeypatch.setattr(papers_run, "experiments_of", lambda papers: ["d_t3_sine"])
+    with pytest.raises(SlambedError, match="needs root") as error:
+        play([dynnetslam], Options(results=tmp_path), None)
+    assert error.value.code == ExitCode.ENVIRONMENT
 
 
 def test_mistakes_in_options_are_found_first(tmp_path: Path) -> None:
