@@ -37,8 +37,11 @@ def result_of(future: Any, stop: threading.Event, alive: Callable[[], bool] = la
             if future.done():
                 # Not while the task runs: a wait that times out closes the connection to the
                 # scheduler, and the next one would have to reconnect.
-                with suppress(TimeoutError):
+                try:
                     return future.result(timeout=FETCH_S)
+                except TimeoutError:
+                    if future.status == "error":
+                        raise  # the run's own; otherwise it was not fetched in time
             if stop.wait(LOOK_EVERY_S):
                 raise InterruptedRunError
             if not alive():

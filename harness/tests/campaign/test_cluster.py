@@ -211,6 +211,16 @@ def test_what_a_worker_returns_is_waited_for_until_nobody_can_return_it(tmp_path
         cluster.close()
 
 
+def test_a_timeout_of_the_run_itself_is_an_error_and_no_reason_to_wait() -> None:
+    future = Mock(status="error")
+    future.result.side_effect = TimeoutError("disk of the worker")
+    with pytest.raises(TimeoutError, match="disk of the worker"):
+        result_of(future, Event())
+    late = Mock(status="finished")
+    late.result.side_effect = [TimeoutError(), 3]
+    assert result_of(late, Event()) == 3
+
+
 @needs_programs
 def test_a_worker_with_other_sources_is_refused(tmp_path: Path, cluster: Cluster) -> None:
     cluster.add_worker("a")
