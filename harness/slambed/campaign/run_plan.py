@@ -4,6 +4,7 @@
 import math
 import sys
 from collections.abc import Callable, Iterable
+from contextlib import suppress
 from functools import partial
 
 from rich.console import Console
@@ -137,6 +138,9 @@ def _fill(
     content = experiment_json(plan, source, shown, before)
     folder.write_json("experiment.json", content)
     folder.show(run["run_key"] for run in content["runs"])
+    runner = Runner(
+        folder, ledger, executor, options.retries, forced, options.keep_going, options.plans
+    )
     ledger.append(
         "campaign_started",
         runs=len(ordered),
@@ -144,33 +148,37 @@ def _fill(
         todo=[s.run_key for s in todo],
         command=sys.argv,
     )
-    for sequence in plan.sequences.values():
-        if (truth := sequence.path / "groundtruth.txt").is_file():
-            keep_groundtruth(folder.path, sequence.id, truth)
-    run_s = expected_run_s(plan)
-    wait_s = run_s * len(todo) / executor.jobs
-    print_to(
-        console,
-        f"{experiment.title}: {len(ordered)} runs, {len(wanted) - len(todo)} there already, "
-        + (f"{len(ordered) - len(wanted)} not asked for, " if len(wanted) < len(ordered) else "")
-        + f"engine {engine}, {_links(plan)}{_about(wait_s, engine == VIRTUAL)}",
-    )
-    overall = options.overall
-    if overall is not None:
-        overall.begin(experiment.id, len(wanted) - len(todo), len(todo), executor.jobs)
-    with CampaignProgress(console, len(todo), run_s, executor.jobs, overall) as progress:
-        runner = Runner(
-            folder, ledger, executor, options.retries, forced, options.keep_going, options.plans
+    try:
+        for sequence in plan.sequences.values():
+            if (truth := sequence.path / "groundtruth.txt").is_file():
+                keep_groundtruth(folder.path, sequence.id, truth)
+        run_s = expected_run_s(plan)
+        wait_s = run_s * len(todo) / executor.jobs
+        not_asked = len(ordered) - len(wanted)
+        print_to(
+            console,
+            f"{experiment.title}: {len(ordered)} runs, {len(wanted) - len(todo)} there already, "
+            + (f"{not_asked} not asked for, " if not_asked else "")
+            + f"engine {engine}, {_links(plan)}{_about(wait_s, engine == VIRTUAL)}",
         )
-        runner.there = len(wanted) - len(todo)
-        if not (options.hosts or options.scheduler or options.slurm):  # those have their own
-            runner.sequences = {id: sequence.path for id, sequence in plan.sequences.items()}
+        overall = options.overall
         if overall is not None:
-            runner.may_start = lambda: not overall.is_used_up
-        if isinstance(executor, HostExecutor):
-            runner.places = executor
-        verdict = runner.run(todo, progress)
-    ledger.append("campaign_ended", done=verdict.done, interrupted=verdict.interrupted)
+            overall.begin(experiment.id, len(wanted) - len(todo), len(todo), executor.jobs)
+        with CampaignProgress(console, len(todo), run_s, executor.jobs, overall) as progress:
+            runner.there = len(wanted) - len(todo)
+            if not (options.hosts or options.scheduler or options.slurm):  # those have their own
+                runner.sequences = {id: sequence.path for id, sequence in plan.sequences.items()}
+            if overall is not None:
+                runner.may_start = lambda: not overall.is_used_up
+            if isinstance(executor, HostExecutor):
+                runner.places = executor
+            verdict = runner.run(todo, progress)
+    finally:
+        # Also of a campaign that failed, or who watches it waits for the end of this process. A
+        # full disk has no room for the line.
+        with suppress(OSError):
+            so_far = runner.verdict
+            ledger.append("campaign_ended", done=so_far.done, interrupted=so_far.interrupted)
     verdict.folder = folder.path
     return verdict
 

@@ -106,7 +106,8 @@ class Runner:
     """Sequence id -> prepared folder that runs read on this machine; checked before each run."""
     pauses_s: tuple[float, ...] = PAUSES_S
     places: Places = field(default_factory=AnyPlace)
-    _verdict: CampaignOutcome = field(default_factory=CampaignOutcome)
+    verdict: CampaignOutcome = field(default_factory=CampaignOutcome)
+    """What became of the campaign so far."""
     _given_up_in_a_row: int = 0
     _books: threading.Lock = field(default_factory=threading.Lock)
     """Guards ledger, reporter and verdict."""
@@ -138,8 +139,11 @@ class Runner:
                         raise min(errors, key=lambda e: isinstance(e, InterruptedRunError))
             except InterruptedRunError:
                 pass
-            self._verdict.interrupted = stop.is_set()
-        return self._verdict
+            except KeyboardInterrupt:
+                self.verdict.interrupted = True
+                raise
+            self.verdict.interrupted = stop.is_set()
+        return self.verdict
 
     def _work(self, backlog: Backlog, reporter: Reporter, stop: threading.Event) -> None:
         while (item := self._take(backlog, stop)) is not None:
@@ -209,9 +213,9 @@ class Runner:
                 line = f"{verdict_of(summary)}; it is executed again"
                 reporter.run_failed(spec, line, last=False)
                 return 0.0
-            self._verdict.done += 1
-            self._verdict.valid += summary.valid
-            self._verdict.not_completed += summary.valid and not summary.completed
+            self.verdict.done += 1
+            self.verdict.valid += summary.valid
+            self.verdict.not_completed += summary.valid and not summary.completed
             line = verdict_of(summary)
             if not summary.completed:
                 line += f"; logs: {self.folder.runs / spec.run_key / LOGS}"
@@ -231,11 +235,11 @@ class Runner:
             reporter.run_failed(item.spec, f"{line}; it is tried again", last=False)
             return self.pauses_s[item.failures - 1]
         self._given_up_in_a_row += 1
-        ever = self.there or self._verdict.done
+        ever = self.there or self.verdict.done
         hopeless = not ever or self._given_up_in_a_row >= MOST_GIVEN_UP
         if hopeless and not self.keep_going:
             raise error
-        self._verdict.given_up[item.spec.run_key] = line
+        self.verdict.given_up[item.spec.run_key] = line
         reporter.run_failed(item.spec, line, last=True)
         return None
 

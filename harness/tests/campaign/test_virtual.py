@@ -18,7 +18,7 @@ from virtual_parts import (
     write_experiment,
 )
 
-from slambed.campaign.executors import Played
+from slambed.campaign.executors import NoRuns, Played
 from slambed.campaign.folder import ResultFolder
 from slambed.campaign.ledger import Ledger
 from slambed.campaign.options import Options
@@ -28,6 +28,7 @@ from slambed.campaign.run_plan import run_plan
 from slambed.campaign.runner import CampaignOutcome, Runner
 from slambed.campaign.store import RunStore
 from slambed.data.prepared import SEQUENCE_FILE
+from slambed.errors import ExitCode, SlambedError
 from slambed.metrics.summary import Summary
 from slambed.native import find_program
 from slambed.spec.library import Library
@@ -98,6 +99,22 @@ def test_a_sequence_that_goes_during_a_campaign_makes_no_results(tmp_path: Path)
     again = campaign(ProcessExecutor, gone=True)
     assert again.done == 0 and [*again.given_up] == [lost]
     assert RunStore(tmp_path / "results").state(lost) == "missing"
+
+
+def test_a_campaign_that_fails_has_an_end_too(tmp_path: Path) -> None:
+    """`slambed watch` would follow it as long as its process lives."""
+    file = write_experiment(tmp_path, make_sequence(tmp_path / "walk", 1), runs=1)
+    plan, (_, source) = plan_of(file), Library().experiment(str(file))
+
+    class Broken(NoRuns):
+        def execute(self, *given: Any) -> Summary:
+            raise SlambedError("no device", ExitCode.ENVIRONMENT)
+
+    options = Options(results=tmp_path / "results")
+    with pytest.raises(SlambedError, match="no device"):
+        run_plan(plan, source, options, lambda played: Broken(), Console())
+    last = Ledger(tmp_path / "results" / "walk" / "ledger.jsonl").read()[-1]
+    assert (last["event"], last["done"], last["interrupted"]) == ("campaign_ended", 0, False)
 
 
 def test_a_run_that_may_stop_at_its_first_loss_is_the_same_until_then(tmp_path: Path) -> None:
