@@ -14,12 +14,15 @@ from typing import Annotated
 
 import typer
 
-from slambed.data.places import MADE_AGAIN, cache_folder, no_cache
+from slambed.data.places import MADE_AGAIN, ONLY_IF_NAMED, cache_folder, no_cache
 from slambed.errors import SlambedError
 from slambed.terminal import JsonOption, print_json
 
 app = typer.Typer(
     help="What is kept of sequences and what is computed of them.", no_args_is_help=True
+)
+KINDS = ", ".join(
+    f"{kind} (only if named)" if kind in ONLY_IF_NAMED else kind for kind in MADE_AGAIN
 )
 GIGABYTE = 1e9
 DAY_S = 86400.0
@@ -119,15 +122,13 @@ def prune(
     unused_days: Annotated[
         float, typer.Option(min=0.0, help="Only what nobody has used for so long.")
     ] = 30.0,
-    kind: Annotated[
-        list[str] | None, typer.Option(help=f"Only this kind: {', '.join(MADE_AGAIN)}.")
-    ] = None,
+    kind: Annotated[list[str] | None, typer.Option(help=f"Only this kind: {KINDS}.")] = None,
     yes: Annotated[bool, typer.Option("--yes", help="Really remove it.")] = False,
 ) -> None:
     """Remove cached items that slambed recreates when an experiment needs them; downloads stay."""
     if unknown := sorted(set(kind or ()) - set(MADE_AGAIN)):
         raise SlambedError(f"no kind {unknown[0]!r}; --kind is one of {', '.join(MADE_AGAIN)}")
-    kinds = set(kind or MADE_AGAIN)
+    kinds = set(kind or MADE_AGAIN.keys() - ONLY_IF_NAMED)
     old = [
         item
         for item in items(cache_folder())

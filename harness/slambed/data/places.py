@@ -16,6 +16,7 @@ from slambed.native import is_installed, repository_root
 
 DATASETS_VARIABLE = "SLAMBED_DATASETS"
 PICTURES = "pictures"
+PYTHON = "python"
 MADE_AGAIN = {
     "prepared": "sequences, decoded or generated",
     "features": "features and pictures of every frame, for virtual runs",
@@ -24,9 +25,13 @@ MADE_AGAIN = {
     "recorded": "sequences as folders, for systems that read one",
     PICTURES: "pictures that nobody gave a place",
     "verified": "which sequences were read against their checksums",
+    PYTHON: "Python packages of systems",
 }
 """Cache folders that may be removed at any time -> their content."""
-OURS = (*MADE_AGAIN, "programs", "data", "networks", "uml", "host_speed.json")
+ONLY_IF_NAMED = frozenset({PYTHON})
+"""Of these, what is not asked for by its kind. Packages may be installed in newer versions, and
+versions are part of run keys."""
+OURS = (*MADE_AGAIN, "programs", "data", "networks", "boards", "uml", "host_speed.json")
 """Everything that slambed creates in its cache; other files there belong to the user."""
 
 

@@ -13,7 +13,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
-from slambed.data.places import making
+from slambed.data.places import PYTHON, making
 from slambed.errors import SlambedError, environment_error
 from slambed.files.atomic import replacing
 from slambed.native import cache_folder
@@ -71,7 +71,7 @@ def find_environment(python: PythonPackages, system: Path) -> PythonEnvironment:
         "libc": "-".join(platform.libc_ver()),
     }
     key = hashlib.sha256(json.dumps(meaning, sort_keys=True).encode()).hexdigest()[:KEY_DIGITS]
-    folder = (cache_folder() / "python" / key).resolve()
+    folder = (cache_folder() / PYTHON / key).resolve()
     lock = folder / LOCK
     return PythonEnvironment(folder, version, lock.read_text() if lock.is_file() else "")
 

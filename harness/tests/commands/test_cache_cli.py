@@ -78,6 +78,16 @@ def test_prune_frees_one_kind_and_what_was_used_today_where_asked(cache: Path) -
     assert "no kind 'data'" in refused(ExitCode.BAD_INPUT, "cache", "prune", "--kind", "data")
 
 
+def test_python_packages_go_only_if_named(cache: Path) -> None:
+    """They may come back in newer versions, which are part of run keys."""
+    (cache / "python" / "a1").mkdir(parents=True)
+    assert "python (Python packages of systems): 1 items" in slambed("cache", "size")[1]
+    slambed("cache", "prune", "--unused-days", "0", "--yes")
+    assert (cache / "python" / "a1").is_dir()
+    slambed("cache", "prune", "--kind", "python", "--unused-days", "0", "--yes")
+    assert not (cache / "python" / "a1").exists()
+
+
 def test_a_sequence_that_was_read_today_is_in_use(cache: Path) -> None:
     frames = cache / "prepared" / "old-1" / "frames.bin"
     os.utime(frames, (time.time(), frames.stat().st_mtime))
@@ -96,19 +106,26 @@ def test_everything_that_is_written_into_the_cache_has_a_name() -> None:
     import slambed.campaign.prepared_inputs as inputs
     import slambed.campaign.recordings as recordings
     import slambed.data.verified as verified
+    import slambed.engines.board.leftovers as leftovers
     import slambed.segment.masks as masks
     import slambed.spec.host_speed as host_speed
     from slambed.data.places import OURS, PICTURES, cache_folder, download_folder, prepared_folder
+    from slambed.engines.python_packages import find_environment
+    from slambed.spec.runtime import PythonPackages
 
     folders = (inputs.inputs_folder(), prepared_folder(), download_folder())
     folders += (masks.mask_file("key").parent,)
     named = {path.relative_to(cache_folder()).as_posix() for path in folders}
+    packages = find_environment(PythonPackages(requires=["numpy"]), Path())
+    named.add(packages.folder.parent.name)
     named |= {
         PICTURES,
+        leftovers.FOLDER,
         recordings.FOLDERS,
         verified.FOLDER,
         host_speed.FILE,
         "features",
         "networks",
     }
-    assert named <= set(OURS) and named - {"data", "networks", host_speed.FILE} == set(MADE_AGAIN)
+    kept = {"data", "networks", leftovers.FOLDER, host_speed.FILE}
+    assert named <= set(OURS) and named - kept == set(MADE_AGAIN)
