@@ -10,7 +10,7 @@ import subprocess
 import tempfile
 import time
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import ExitStack, contextmanager
+from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
@@ -489,6 +489,11 @@ def _free_port() -> int:
 
 
 def _end(node: subprocess.Popen[bytes]) -> None:
+    if node.poll() is None:
+        # The player ends its program, which has a group of its own.
+        node.terminate()
+        with suppress(subprocess.TimeoutExpired):
+            node.wait(STOP_PATIENCE_S)
     if node.poll() is None:
         os.killpg(node.pid, signal.SIGKILL)
     node.wait()

@@ -2,6 +2,7 @@
 """`slambed check-system`: passes for the examples and the skeleton, fails for planted defects."""
 
 import re
+import time
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -9,7 +10,9 @@ from typing import Any
 import pytest
 import yaml
 from command_line import slambed
+from waiting import until
 
+from slambed.campaign.campaign_state import is_alive
 from slambed.campaign.check_system import Checked, _plays, _stops
 from slambed.errors import SlambedError
 from slambed.native import find_program, repository_root
@@ -169,6 +172,19 @@ def test_a_planted_defect_is_red(system: Path, defect: str) -> None:
     system.write_text(system.read_text() + "  ready_s: 8\n")
     red = red_lines(system)
     assert red and expected in red[0]
+
+
+def test_what_a_hanging_program_started_is_ended_with_it(system: Path) -> None:
+    program, noted = system.parent / "run.py", system.parent / "started"
+    hangs = f"""    import subprocess, time
+    child = subprocess.Popen(["sleep", "600"])
+    open({str(noted)!r}, "w").write(str(child.pid))
+    time.sleep(600)
+"""
+    program.write_text(program.read_text().replace("    client.ready()\n", hangs))
+    system.write_text(system.read_text() + "  ready_s: 8\n")
+    assert red_lines(system)
+    until(lambda: not is_alive(int(noted.read_text()), time.time()), "the end of its child")
 
 
 @pytest.mark.parametrize(
