@@ -12,6 +12,7 @@ import socket
 import sys
 import tempfile
 import threading
+import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -22,11 +23,12 @@ from typing import Any
 
 from slambed.campaign.executors import Played
 from slambed.campaign.progress import duration
-from slambed.campaign.remote_result import LostWorkerError, result_of
-from slambed.campaign.remote_sequence import pack, remote_sequence, unpack
+from slambed.campaign.raw_folder import reference_of
+from slambed.campaign.remote_result import LostWorkerError, of_machine, result_of
+from slambed.campaign.remote_sequence import pack, remote_sequence, unpack, with_reference
 from slambed.campaign.virtual_task import VirtualTask
 from slambed.data.places import cache_folder
-from slambed.errors import KilledError, SlambedError, environment_error
+from slambed.errors import KilledError, environment_error
 from slambed.metrics.summary import Summary
 from slambed.native import SIMULATION, find_program, how_to_build
 from slambed.spec.run_spec import RunSpec
@@ -37,6 +39,8 @@ FIRST_WORKER_TIMEOUT_S = 600.0
 """Of a scheduler. Slurm may queue its first job for hours, so nothing limits that wait."""
 FIRST_NOTE_S = 60.0
 """Without a worker for so long, a note says so; the wait for each further note is twice as long."""
+SETTLED_S, COUNT_EVERY_S = 3.0, 0.2
+"""If no worker came for so long, all that were started are there."""
 SLURM_MEMORY = "2 GiB"
 """Memory of one worker, unless Dask's configuration sets it."""
 
@@ -52,8 +56,7 @@ class ClusterExecutor:
     def execute(self, spec: RunSpec, raw: Path, stop: threading.Event, attempt: int = 1) -> Summary:
         """Submits the run to the cluster and waits for it."""
         sequence, played_s = self.played[spec.dataset]
-        reference = Path(spec.reference).read_bytes() if spec.reference else None
-        away = RemoteRun(spec, sequence.resolve(), played_s, sys.argv, attempt, reference)
+        away = RemoteRun(spec, sequence.resolve(), played_s, sys.argv, attempt, reference_of(spec))
         try:
             found: tuple[Summary, bytes] = result_of(
                 self.client.submit(execute_remotely, away, pure=False), stop
@@ -140,7 +143,13 @@ def _pool(
             if waited_s >= longest_s:
                 raise environment_error(line)
             notify(line)
-        return ClusterExecutor(played, client, jobs or sum(client.nthreads().values()))
+        if jobs is None:
+            jobs = _settled_threads(client)
+            notify(
+                f"{jobs} runs at a time, as many as the workers have threads; for workers that "
+                "come later, give --jobs"
+            )
+        return ClusterExecutor(played, client, jobs)
     except BaseException:
         # Slurm's jobs would go on without a campaign.
         _close(client)
@@ -189,6 +198,19 @@ def _close(client: Any) -> None:
         cluster.close()
 
 
+def _settled_threads(client: Any) -> int:
+    """Returns the number of threads of all workers, which start one after another, once it no
+    longer grows."""
+    most, since_s = 0, time.monotonic()
+    while True:
+        found: int = sum(client.nthreads().values())
+        if found > most:
+            most, since_s = found, time.monotonic()
+        elif time.monotonic() - since_s >= SETTLED_S:
+            return max(found, 1)
+        time.sleep(min(SETTLED_S, COUNT_EVERY_S))
+
+
 def _has_worker(client: Any, wait_s: float) -> bool:
     try:
         client.wait_for_workers(1, timeout=wait_s)
@@ -229,28 +251,24 @@ def execute_remotely(away: RemoteRun) -> tuple[Summary, bytes]:
     from distributed import get_worker
 
     # Uses the worker's own folder: Dask removes what a killed worker leaves there.
-    with tempfile.TemporaryDirectory(dir=get_worker().local_directory) as scratch:
+    place = get_worker().local_directory
+    with (
+        of_machine(f"worker on {socket.gethostname()}"),
+        tempfile.TemporaryDirectory(dir=place) as scratch,
+    ):
         raw = Path(scratch) / "raw"
         raw.mkdir()
-        spec = away.spec
-        if away.reference is not None:
-            place = Path(scratch) / "reference"
-            place.write_bytes(away.reference)
-            spec = spec.model_copy(update={"reference": str(place)})
-        try:
-            task = VirtualTask(
-                spec,
-                raw,
-                remote_sequence(spec, away.sequence),
-                away.played_s,
-                _program(spec.software, spec.system),
-                cache_folder() / "features",
-                away.command,
-                away.attempt,
-            )
-        except SlambedError as error:
-            line = f"worker on {socket.gethostname()}: {error}"
-            raise SlambedError(line, error.code) from None
+        spec = with_reference(away.spec, away.reference, Path(scratch))
+        task = VirtualTask(
+            spec,
+            raw,
+            remote_sequence(spec, away.sequence),
+            away.played_s,
+            _program(spec.software, spec.system),
+            cache_folder() / "features",
+            away.command,
+            away.attempt,
+        )
         return task.execute(), pack(raw)
 
 

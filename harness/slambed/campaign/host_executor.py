@@ -21,6 +21,7 @@ from slambed.campaign.executors import Played
 from slambed.campaign.host_connection import HostConnection
 from slambed.campaign.host_messages import Joined
 from slambed.campaign.host_run import HostRun, execute_there, prepare_there
+from slambed.campaign.raw_folder import reference_of
 from slambed.campaign.remote_result import LostWorkerError, result_of
 from slambed.campaign.remote_sequence import unpack
 from slambed.engines.result import InterruptedRunError
@@ -112,9 +113,14 @@ class HostExecutor:
         if (where := (place.host.name, spec.dataset)) not in self._ready:
             self._get(place, stop, prepare_there, spec, sequence.resolve())
             self._ready.add(where)
-        reference = Path(spec.reference).read_bytes() if spec.reference else None
         run = HostRun(
-            spec, sequence.resolve(), played_s, sys.argv, attempt, repository_root(), reference
+            spec,
+            sequence.resolve(),
+            played_s,
+            sys.argv,
+            attempt,
+            repository_root(),
+            reference_of(spec),
         )
         summary, files = self._get(place, stop, execute_there, run)
         unpack(files, raw)
@@ -179,7 +185,7 @@ class HostExecutor:
         if now_s - self._all_lost_since_s > NONE_LEFT_S:
             raise environment_error(
                 f"hosts {', '.join(self.places)} are all gone; finished runs are kept, the same "
-                "command goes on when one is back"
+                "command goes on when all are back, with --on NAME those that are"
             )
 
     def close(self) -> None:

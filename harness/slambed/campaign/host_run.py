@@ -7,7 +7,7 @@ import sys
 import tempfile
 import threading
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
@@ -16,11 +16,12 @@ from typing import Any
 from slambed.campaign.foreign import software_of_foreign
 from slambed.campaign.live_executor import LiveExecutor
 from slambed.campaign.manifest import add_facts
-from slambed.campaign.remote_sequence import pack, remote_sequence
+from slambed.campaign.remote_result import of_machine
+from slambed.campaign.remote_sequence import pack, remote_sequence, with_reference
 from slambed.engines.base import Engine
 from slambed.engines.live_run import LinkOpener
 from slambed.engines.result import InterruptedRunError
-from slambed.errors import KilledError, SlambedError, environment_error
+from slambed.errors import KilledError, environment_error
 from slambed.metrics.summary import Summary
 from slambed.native import repository_root
 from slambed.records.manifest import RunHost
@@ -71,24 +72,25 @@ class HostRun:
 def execute_there(run: HostRun) -> tuple[Summary, bytes]:
     """Executes the run on the host; returns its summary and its packed folder."""
     (host,) = _HERE
-    try:
-        with host.busy, _scratch(host.scratch) as scratch:
-            raw = scratch / run.spec.run_key
-            raw.mkdir()
-            raw.chmod(0o755)
-            spec = _at_home(run, scratch)
-            played = {spec.dataset: (remote_sequence(spec, run.sequence), run.played_s)}
-            executor = LiveExecutor(host.engine, host.open_link, played, command=run.command)
+    with _of(host), host.busy, _scratch(host.scratch) as scratch:
+        raw = scratch / run.spec.run_key
+        raw.mkdir()
+        raw.chmod(0o755)
+        spec = _at_home(run, scratch)
+        played = {spec.dataset: (remote_sequence(spec, run.sequence), run.played_s)}
+        executor = LiveExecutor(host.engine, host.open_link, played, command=run.command)
+        try:
             summary = executor.execute(spec, raw, host.stop, run.attempt)
-            kept: dict[str, Any] = run.spec.model_dump(mode="json")
-            add_facts(raw, {"host": host.facts.as_json(), "spec": kept})
-            return summary, pack(raw)
-    except InterruptedRunError:
-        # Only the campaign knows whether this was intended.
-        raise KilledError(f"host {host.facts.name}: the worker was asked to end") from None
-    except SlambedError as error:
-        error.args = (f"host {host.facts.name}: {error}",)
-        raise
+        except InterruptedRunError:
+            # Only the campaign knows whether this was intended.
+            raise KilledError("the worker was asked to end") from None
+        kept: dict[str, Any] = run.spec.model_dump(mode="json")
+        add_facts(raw, {"host": host.facts.as_json(), "spec": kept})
+        return summary, pack(raw)
+
+
+def _of(host: ThisHost) -> AbstractContextManager[None]:
+    return of_machine(f"host {host.facts.name}")
 
 
 @contextmanager
@@ -106,36 +108,29 @@ def _scratch(parent: Path) -> Iterator[Path]:
 def prepare_there(spec: RunSpec, there: Path) -> None:
     """Makes sure, before its first run, that the host has the same sequence."""
     (host,) = _HERE
-    try:
+    with _of(host):
         remote_sequence(spec, there)
-    except SlambedError as error:
-        raise SlambedError(f"host {host.facts.name}: {error}", error.code) from None
 
 
 def foreign_there(experiment: Experiment, software: str) -> dict[str, str]:
     """Returns the tags of systems with their own programs, as installed on the host."""
     (host,) = _HERE
-    try:
+    with _of(host):
         notify = partial(print, file=sys.stderr, flush=True)
         return software_of_foreign(experiment, Library(), host.engine, software, notify)
-    except SlambedError as error:
-        raise SlambedError(f"host {host.facts.name}: {error}", error.code) from None
 
 
 def _at_home(run: HostRun, scratch: Path) -> RunSpec:
     """Returns the run with paths of this host."""
-    changes: dict[str, object] = {}
     for name, digest in run.spec.inputs.items():
         path = Path(str(run.spec.params[name]))
         if not path.is_file() or hashlib.sha256(path.read_bytes()).hexdigest() != digest:
             raise environment_error(
                 f"{path}, which parameter {name} names, is not there or another one; copy it there"
             )
-    if run.reference is not None:
-        place = scratch / "reference"
-        place.write_bytes(run.reference)
-        changes["reference"] = str(place)
-    folder = Path(run.spec.system_folder)
-    if run.spec.system_folder and folder.is_relative_to(run.root):
-        changes["system_folder"] = str(repository_root() / folder.relative_to(run.root))
-    return run.spec.model_copy(update=changes)
+    spec = with_reference(run.spec, run.reference, scratch)
+    folder = Path(spec.system_folder)
+    if spec.system_folder and folder.is_relative_to(run.root):
+        here = str(repository_root() / folder.relative_to(run.root))
+        return spec.model_copy(update={"system_folder": here})
+    return spec

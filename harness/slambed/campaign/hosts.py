@@ -53,17 +53,23 @@ class JoinedHosts:
         self.places: dict[str, Place] = {}
         connections = {host.name: self._connection(host) for host in hosts}
         try:
-            with ThreadPoolExecutor(len(hosts)) as threads, _ending(connections):
+            # Two campaigns that wait for the same hosts must take them in the same order, or each
+            # would hold what the other one waits for.
+            order = sorted(hosts, key=lambda host: host.address) if wait else hosts
+            at_once = 1 if wait else len(hosts)
+            with ThreadPoolExecutor(at_once) as threads, _ending(connections, threads):
                 work = {
                     host.name: threads.submit(
                         self._join, connections[host.name], WAIT_S if wait else 0.0
                     )
-                    for host in hosts
+                    for host in order
                 }
-                for host in hosts:
+                for host in order:
                     facts = work[host.name].result()
                     self.places[host.name] = Place(host, connections[host.name], facts)
                     self._notify(_about(host, facts))
+            # Which host makes which repetition depends on the order in the file.
+            self.places = {host.name: self.places[host.name] for host in hosts}
             self.software = self._one_software()
         except BaseException:
             end_all(list(connections.values()))
@@ -164,12 +170,13 @@ class JoinedHosts:
 
 
 @contextmanager
-def _ending(connections: dict[str, HostConnection]) -> Iterator[None]:
+def _ending(connections: dict[str, HostConnection], threads: ThreadPoolExecutor) -> Iterator[None]:
     """On an error or Ctrl-C, ends connections that still wait for their host: otherwise the exit
     would wait for their threads."""
     try:
         yield
     except BaseException:
+        threads.shutdown(wait=False, cancel_futures=True)
         end_all(list(connections.values()))
         raise
 

@@ -3,7 +3,6 @@
 
 import json
 import os
-import shutil
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -41,9 +40,23 @@ def prepare_raw(spec: RunSpec, raw: Path) -> Start:
     for masks in filter(None, [spec.masks, *spec.further_masks]):
         masks.must_be_there()
     inputs.copy_inputs(raw, {name: str(spec.params[name]) for name in spec.inputs}, spec.inputs)
-    if spec.reference:
-        shutil.copyfile(spec.reference, raw / REFERENCE_FILE)
+    if (reference := reference_of(spec)) is not None:
+        (raw / REFERENCE_FILE).write_bytes(reference)
     return Start(utc_now(), os.getloadavg()[0])
+
+
+def reference_of(spec: RunSpec) -> bytes | None:
+    """Returns the content of the path that the run is compared with; None without one. Raises
+    SlambedError if it is gone, as after `slambed cache prune`."""
+    if not spec.reference:
+        return None
+    try:
+        return Path(spec.reference).read_bytes()
+    except FileNotFoundError as gone:
+        raise SlambedError(
+            f"{spec.reference}, which the run is compared with, is gone; start the campaign again, "
+            "which makes it"
+        ) from gone
 
 
 def must_be_prepared(spec: RunSpec, sequence: Path) -> None:

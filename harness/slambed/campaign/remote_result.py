@@ -1,13 +1,15 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Waits for the result of a Dask worker, on a cluster or on a host."""
+"""Waits for the result of a Dask worker, on a cluster or on a host, and names it in errors."""
 
 import threading
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from concurrent.futures import CancelledError
-from contextlib import suppress
+from contextlib import contextmanager, suppress
 from typing import Any
 
 from slambed.engines.result import InterruptedRunError
+from slambed.errors import PassingError, SlambedError
+from slambed.failures import refused_write
 
 LOOK_EVERY_S = 0.02
 FETCH_S = 60.0
@@ -46,6 +48,10 @@ def result_of(future: Any, stop: threading.Event, alive: Callable[[], bool] = la
                 raise InterruptedRunError
             if not alive():
                 raise LostWorkerError
+    except SlambedError as error:
+        # What is behind it, such as a full disk, is not of this machine.
+        error.__cause__ = error.__context__ = None
+        raise
     except KilledWorker:
         raise LostWorkerError(killed=True) from None
     except (CancelledError, OSError):
@@ -55,3 +61,19 @@ def result_of(future: Any, stop: threading.Event, alive: Callable[[], bool] = la
     finally:
         with suppress(Exception):
             future.cancel()
+
+
+@contextmanager
+def of_machine(name: str) -> Iterator[None]:
+    """Names this machine in errors that go back to the campaign.
+
+    Raises PassingError for a file that cannot be read or written, such as on a full disk: only this
+    machine has it, so the run may be made on another one, and the campaign goes on.
+    """
+    try:
+        yield
+    except SlambedError as error:
+        error.args = (f"{name}: {error}",)
+        raise
+    except OSError as error:
+        raise PassingError(f"{name}: {refused_write(error) or error}") from error

@@ -32,6 +32,16 @@ def _prepared(dataset: str) -> tuple[Path, str]:
     return sequence.path, sequence.checksum
 
 
+def with_reference(spec: RunSpec, content: bytes | None, scratch: Path) -> RunSpec:
+    """Returns the run with a copy, in `scratch`, of the path that it is compared with; the
+    campaign's machine has the original."""
+    if content is None:
+        return spec
+    place = scratch / "reference"
+    place.write_bytes(content)
+    return spec.model_copy(update={"reference": str(place)})
+
+
 def pack(folder: Path) -> bytes:
     """Packs the files of a result that the store keeps, without raw logs, whose content is in its
     tables. Whatever else a program left there, such as a link to anywhere, stays behind."""

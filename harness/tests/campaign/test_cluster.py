@@ -2,6 +2,7 @@
 """Virtual campaigns on Dask workers: the same results as on this host, even if a worker is
 killed."""
 
+import errno
 import json
 import os
 import signal
@@ -24,14 +25,21 @@ from virtual_parts import fingerprints, make_sequence, needs_programs, write_exp
 from waiting import until
 
 from slambed.campaign import cluster as cluster_module
-from slambed.campaign.cluster import RemoteRun, execute_remotely, start_on_slurm
+from slambed.campaign.cluster import (
+    ClusterExecutor,
+    RemoteRun,
+    execute_remotely,
+    join_cluster,
+    start_on_slurm,
+)
 from slambed.campaign.folder import ResultFolder
 from slambed.campaign.ledger import Ledger
+from slambed.campaign.raw_folder import prepare_raw
 from slambed.campaign.remote_result import LostWorkerError, result_of
 from slambed.campaign.remote_sequence import pack, unpack
 from slambed.engines.result import InterruptedRunError
-from slambed.errors import ExitCode
-from slambed.failures import INTERRUPTED
+from slambed.errors import ExitCode, PassingError, SlambedError
+from slambed.failures import INTERRUPTED, refused_write
 from slambed.native import find_program, repository_root
 from slambed.spec.run_spec import RunSpec
 
@@ -39,6 +47,11 @@ RUNS = 3
 CELLS = 2
 STARTS_S = 120.0
 """Timeout for Dask's start, or a campaign's first run, on a busy host."""
+
+
+@pytest.fixture(autouse=True)
+def nobody_else_comes(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(cluster_module, "SETTLED_S", 0.0)
 
 
 class Cluster:
@@ -170,6 +183,51 @@ def test_a_worker_gets_the_path_that_a_run_is_compared_with(
     assert seen == [b"0 1 2 3 0 0 0 1\n"]
 
 
+def test_workers_that_start_one_after_another_are_all_used(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(cluster_module, "SETTLED_S", 0.02)
+    client, told = Mock(), []
+    counts = iter([{"a": 1}, {"a": 1, "b": 1}, {"a": 1, "b": 1, "c": 4}])
+    last = {"a": 1, "b": 1, "c": 4}
+    client.nthreads.side_effect = lambda: next(counts, last)
+    monkeypatch.setattr("distributed.Client", lambda *_, **__: client)
+    assert join_cluster({}, "tcp://lab:8786", None, told.append).jobs == 6
+    assert told[0].startswith("6 runs at a time") and "later, give --jobs" in told[0]
+    assert join_cluster({}, "tcp://lab:8786", 2, told.append).jobs == 2 and len(told) == 1
+
+
+def test_a_full_disk_of_a_worker_is_not_the_campaigns(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """It costs attempts of a run, and the line names the machine."""
+
+    def full(*_: object) -> None:
+        raise OSError(errno.ENOSPC, "No space left on device", "/scratch/raw")
+
+    monkeypatch.setattr("distributed.get_worker", lambda: Mock(local_directory=str(tmp_path)))
+    monkeypatch.setattr(cluster_module, "remote_sequence", full)
+    with pytest.raises(PassingError, match=r"^worker on \S+: no space .*/scratch/raw") as raised:
+        execute_remotely(RemoteRun(run_spec(), tmp_path, 1.0, [], 1))
+    future = Mock(status="error")
+    future.result.side_effect = raised.value
+    assert isinstance(refused_write(raised.value), SlambedError)
+    with pytest.raises(PassingError) as here:
+        result_of(future, Event())
+    assert refused_write(here.value) is None
+
+
+def test_a_path_to_compare_with_that_is_gone_is_one_line(tmp_path: Path) -> None:
+    spec = run_spec().model_copy(update={"reference": str(tmp_path / "gone.txt")})
+    executor = ClusterExecutor({spec.dataset: (tmp_path, 1.0)}, Mock(), 1)
+    for begin in (
+        lambda: executor.execute(spec, tmp_path, Event()),
+        lambda: prepare_raw(spec, tmp_path),
+    ):
+        with pytest.raises(SlambedError, match=r"gone.txt.* is gone; start the campaign again"):
+            begin()
+
+
 def events(ledger: Ledger) -> list[str]:
     return [str(entry["event"]) for entry in ledger.read()]
 
@@ -249,6 +307,9 @@ def test_what_cannot_be_is_refused(tmp_path: Path) -> None:
     live = ("run", "quickstart", "--engine", "local")
     for option in (("--scheduler", "tcp://127.0.0.1:1"), ("--slurm",)):
         assert "for virtual runs" in refused(ExitCode.BAD_INPUT, *live, *option)
+    for check in ((), ("--check",)):
+        line = refused(ExitCode.BAD_INPUT, *live, "--jobs", "2", *check)
+        assert "--jobs is for virtual runs, a live run takes a whole host" in line
     both = ("run", "quickstart", "--slurm", "--scheduler", "tcp://127.0.0.1:1")
     assert "one of" in refused(ExitCode.BAD_INPUT, *both)
 

@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Several hosts, tested without any: hosts.yaml, assignment of runs, keys, retries, tables."""
 
+import errno
 import json
 import threading
 from collections import Counter
@@ -15,17 +16,18 @@ from harness_parts import run_spec
 from virtual_parts import Quiet
 
 from slambed.campaign import host_run
+from slambed.campaign import hosts as hosts_module
 from slambed.campaign.backlog import Backlog
 from slambed.campaign.folder import ResultFolder
 from slambed.campaign.host_connection import Credentials, HostConnection
 from slambed.campaign.host_executor import HostExecutor, Place, preference
 from slambed.campaign.host_messages import Joined
-from slambed.campaign.host_run import HostRun, ThisHost, begin, execute_there
+from slambed.campaign.host_run import HostRun, ThisHost, begin, execute_there, prepare_there
 from slambed.campaign.host_worker import harness_digest
 from slambed.campaign.hosts import JoinedHosts
 from slambed.campaign.ledger import Ledger
 from slambed.campaign.runner import Runner
-from slambed.errors import ExitCode, KilledError, SlambedError
+from slambed.errors import ExitCode, KilledError, PassingError, SlambedError
 from slambed.metrics.summary import Summary
 from slambed.native import repository_root
 from slambed.report.cells import hosts_of
@@ -277,11 +279,42 @@ def test_a_campaign_ends_when_no_host_comes_back(
     for line in hosts.lines.values():
         line.close()
     folder, runner = campaign(tmp_path, hosts)
-    with pytest.raises(SlambedError, match="hosts a, b are all gone") as raised:
+    line = "hosts a, b are all gone; .*when all are back, with --on NAME those that are"
+    with pytest.raises(SlambedError, match=line) as raised:
         runner.run(two_cells(2), Quiet())
     assert raised.value.code == ExitCode.ENVIRONMENT
     hosts._over.set()
     folder.close()
+
+
+def test_who_waits_takes_hosts_one_at_a_time_in_the_order_of_their_addresses(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Two campaigns whose files name them in other orders would wait for each other."""
+    joined: list[str] = []
+    at_once = threading.Semaphore(1)
+
+    def join(self: JoinedHosts, connection: Any, wait_s: float) -> Joined:
+        assert at_once.acquire(blocking=False)
+        joined.append(connection._host.name)
+        at_once.release()
+        if connection._host.name == broken:
+            raise SlambedError("no such machine")
+        return FACTS
+
+    monkeypatch.setattr(hosts_module, "_own_scheduler", lambda keys: SimpleNamespace())
+    monkeypatch.setattr(hosts_module, "leave", lambda client: None)
+    monkeypatch.setattr(JoinedHosts, "_join", join)
+    monkeypatch.setattr(JoinedHosts, "_one_software", lambda self: "s")
+    hosts = [Host(name=name, address=f"me@{name[::-1]}") for name in ("az", "by", "cx")]
+    broken = ""
+    with JoinedHosts(hosts, lambda line: None, wait=True) as found:
+        assert joined == ["cx", "by", "az"] and [*found.places] == ["az", "by", "cx"]
+    joined.clear()
+    broken = "cx"
+    with pytest.raises(SlambedError, match="no such machine"):
+        JoinedHosts(hosts, lambda line: None, wait=True)
+    assert "az" not in joined
 
 
 class Never:
@@ -326,6 +359,21 @@ def test_what_nobody_can_remove_on_a_host_costs_no_result(
         patch.setattr("os.rmdir", refuse)
         summary, _ = execute_there(run)
     assert summary.valid
+
+
+def test_an_unreadable_file_of_a_host_names_the_host(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def full(*_: Any) -> None:
+        raise OSError(errno.ENOSPC, "No space left on device", "/cache/prepared")
+
+    facts = SimpleNamespace(name="lab1", as_json=dict)
+    begin(ThisHost(None, None, facts, tmp_path))  # type: ignore[arg-type]
+    monkeypatch.setattr(host_run, "remote_sequence", full)
+    run = HostRun(run_spec(), tmp_path, 0.5, [], 1, tmp_path, None)
+    for work in (lambda: execute_there(run), lambda: prepare_there(run.spec, tmp_path)):
+        with pytest.raises(PassingError, match=r"^host lab1: no space left .*/cache/prepared"):
+            work()
 
 
 def test_tables_name_hosts_where_several_made_the_runs() -> None:
