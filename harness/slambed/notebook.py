@@ -17,7 +17,7 @@ import numpy as np
 import pandas as pd
 
 from slambed.data.trajectory import Trajectory
-from slambed.errors import SlambedError
+from slambed.errors import ExitCode, SlambedError
 from slambed.metrics.collect import EVENTS, events_file, events_today
 from slambed.report.load import load
 
@@ -143,7 +143,8 @@ def run(
     """Executes the missing runs of an experiment, given as a name, a file, or its content with an
     `id`.
 
-    Raises SlambedError where the command `slambed run` would.
+    Raises SlambedError where the command `slambed run` would end with an error, and where runs have
+    no result. Raises KeyboardInterrupt after Ctrl-C, which first ends the runs under way.
     """
     from slambed.campaign.options import Options
     from slambed.campaign.run_experiment import run_experiment
@@ -158,6 +159,15 @@ def run(
             path.write_text(json.dumps(_seen_from_here(experiment)))
             experiment = path
         verdict = run_experiment(str(experiment), options, console())
+    if verdict.interrupted:
+        raise KeyboardInterrupt
+    if verdict.given_up:
+        why = next(iter(verdict.given_up.values()))
+        raise SlambedError(
+            f"{len(verdict.given_up)} runs have no result: {why}; the same call tries again, "
+            f"Results({str(verdict.folder)!r}) has those that are there",
+            ExitCode.NOT_ALL_GOOD,
+        )
     if verdict.folder is None:
         raise SlambedError("nothing was executed")
     return Results(verdict.folder)

@@ -275,8 +275,11 @@ ENDING = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 def stop_on_signal() -> Iterator[threading.Event]:
     """SIGINT, SIGTERM and SIGHUP set the event; a second SIGINT raises KeyboardInterrupt. An
     ignored SIGHUP (nohup) stays ignored. After a SIGHUP a handler `interrupt_once` is not restored:
-    it has had its one signal."""
+    it has had its one signal. Only the main thread of a program hears signals."""
     stop = threading.Event()
+    if threading.current_thread() is not threading.main_thread():
+        yield stop
+        return
     hung_up = threading.Event()
 
     def handle(number: int, frame: object) -> None:

@@ -13,6 +13,7 @@ from data_samples import write_prepared
 from results_factory import quickstart_like
 
 import slambed
+from slambed.campaign.runner import CampaignOutcome
 from slambed.errors import SlambedError
 from slambed.metrics.collect import EVENTS, SOME_EVENTS, write_some_events
 from slambed.report.load import load
@@ -29,6 +30,16 @@ def test_runs_and_cells_are_tables(results: "slambed.Results") -> None:
     cell = results.cells.index[0]
     own = results.valid_runs[results.valid_runs["cell"] == cell]["ate_rmse_m"].astype(float)
     assert results.cells.loc[cell, "ate_rmse_m"] == pytest.approx(own.median())
+
+
+def test_what_ended_a_campaign_early_is_raised(monkeypatch: pytest.MonkeyPatch) -> None:
+    ended = CampaignOutcome(done=1, valid=1, interrupted=True, folder=Path("results/x"))
+    monkeypatch.setattr("slambed.campaign.run_experiment.run_experiment", lambda *_: ended)
+    with pytest.raises(KeyboardInterrupt):
+        slambed.run("quickstart")
+    ended.interrupted, ended.given_up = False, {"a1": "no device"}
+    with pytest.raises(SlambedError, match=r"1 runs have no result: no device; .*results/x"):
+        slambed.run("quickstart")
 
 
 def test_events_of_all_runs_are_one_table(results: "slambed.Results") -> None:
