@@ -8,14 +8,34 @@ import sys
 import time
 from itertools import pairwise
 from pathlib import Path
+from unittest.mock import Mock
 
 import pytest
 
 from slambed.engines.board.agent_source import LEAST_PYTHON, agent_source
 from slambed.engines.board.connection import BoardConnection
+from slambed.engines.board.engine import BoardEngine
 from slambed.engines.board.messages import Sampled, Seen, Watching
 from slambed.errors import ExitCode, SlambedError
 from slambed.spec.board import RoleHost
+
+
+def test_a_board_that_cannot_be_cleaned_costs_no_results(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The campaign has ended; the next one finds the record of the board."""
+    told: list[str] = []
+    connection = Mock()
+    board = BoardEngine.__new__(BoardEngine)
+    board._connection, board._notify, board._role = connection, told.append, Mock()
+
+    def refuse(*_: object) -> str:
+        raise SlambedError("cannot remove what runs left on board pi", ExitCode.ENVIRONMENT)
+
+    monkeypatch.setattr("slambed.engines.board.engine.remove_left", refuse)
+    board.close()
+    assert told == [
+        "not cleaned, the next campaign does it: cannot remove what runs left on board pi"
+    ]
+    assert connection.close.called and board._connection is None
 
 
 def agent(*requests: object, pause_s: float = 0.0) -> list[dict[str, object]]:

@@ -232,14 +232,19 @@ class BoardEngine:
         return self.connection.seen.own_address
 
     def close(self) -> None:
-        """Restores the board, but keeps image and sequences there."""
+        """Restores the board, but keeps image and sequences there. An error is only told: the
+        results are there, and the record of the board stays."""
         if self._connection is None:
             return
-        if self._connection.alive():
-            remove_left(self._connection.docker, self._connection.name)
-            strike_out(self._role)
-        self._connection.close()
-        self._connection = None
+        try:
+            if self._connection.alive():
+                remove_left(self._connection.docker, self._connection.name)
+                strike_out(self._role)
+        except SlambedError as error:
+            self._notify(f"not cleaned, the next campaign does it: {error}")
+        finally:
+            self._connection.close()
+            self._connection = None
 
 
 def _edge_address(connection: BoardConnection) -> str:
