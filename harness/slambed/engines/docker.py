@@ -66,6 +66,8 @@ class DockerNode:
         namespace: Path,
         keeper: Any | None = None,
         limit_bytes: int | None = None,
+        *,
+        several_processes: bool = False,
     ) -> None:
         self.role = role
         self.pid = pid
@@ -73,7 +75,7 @@ class DockerNode:
         self.sandbox = str((keeper or container).attrs["NetworkSettings"]["SandboxKey"])
         """File through which the daemon holds the network namespace."""
         self.container = container
-        self.several_processes = False
+        self.several_processes = several_processes
         """True for a system with its own program, which runs next to slambed-play."""
         self.keeper = keeper
         """The container whose network this one uses, if it will be killed."""
@@ -284,9 +286,15 @@ class DockerEngine(ThisHostEngine):
         inside = netns(pid if keeper is None else int(keeper.attrs["State"]["Pid"]))
         namespace = NAMESPACES / plan.role if self.unprivileged else inside
         node = DockerNode(
-            plan.role, container, plan.run_dir, pid, namespace, keeper, plan.limit_bytes
+            plan.role,
+            container,
+            plan.run_dir,
+            pid,
+            namespace,
+            keeper,
+            plan.limit_bytes,
+            several_processes=plan.runtime is not None,
         )
-        node.several_processes = plan.runtime is not None
         self._nodes[plan.role] = node
         return node
 

@@ -52,7 +52,14 @@ AT_REST = (psutil.STATUS_STOPPED, psutil.STATUS_ZOMBIE, psutil.STATUS_DISK_SLEEP
 class LocalNode:
     """A child process that waits at the start barrier and then becomes the node."""
 
-    def __init__(self, role: Role, process: subprocess.Popen[bytes], paths: CgroupPaths) -> None:
+    def __init__(
+        self,
+        role: Role,
+        process: subprocess.Popen[bytes],
+        paths: CgroupPaths,
+        *,
+        several_processes: bool = False,
+    ) -> None:
         self.role = role
         self.pid = process.pid
         self.namespace = netns(process.pid)
@@ -62,7 +69,7 @@ class LocalNode:
         self._watch = ProcessWatch(process.pid)
         self.paths = paths
         self._namespace_fd = -1
-        self.several_processes = False
+        self.several_processes = several_processes
         """A user's program, which may have started others."""
 
     def keep_namespace(self) -> None:
@@ -300,8 +307,8 @@ class LocalEngine(ThisHostEngine):
                 )
             os.close(ready_write)
             ready_write = -1
-            node = LocalNode(plan.role, process, paths)
-            node.several_processes = plan.runtime is not None
+            own = plan.runtime is not None
+            node = LocalNode(plan.role, process, paths, several_processes=own)
             log_file = role_dir / "log.txt"
             if (problem := _problem_at_barrier(ready_read, node, log_file)) is not None:
                 node.remove()

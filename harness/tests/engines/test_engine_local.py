@@ -399,8 +399,7 @@ def test_all_that_a_users_program_started_is_frozen_woken_and_killed() -> None:
     join = "".join(f"echo $$ > {file}; " for file in entry_files(paths))
     child = "setsid sh -c 'while :; do sleep 0.01; done' & wait"
     process = subprocess.Popen(["/bin/sh", "-c", join + child], stdin=subprocess.PIPE)
-    node = LocalNode("edge", process, paths)
-    node.several_processes = True
+    node = LocalNode("edge", process, paths, several_processes=True)
     group = GroupProcesses(paths)
     try:
         until(lambda: len(group.pids()) >= 2, "its child")
