@@ -85,8 +85,7 @@ def _docker() -> Engine:
 @contextmanager
 def quiet_host() -> Iterator[None]:
     """Holds the host lock, so that no campaign runs."""
-    with host_lock("slambed calibrate --limits", advice=STOP):
-        mark_children()
+    with host_lock("slambed calibrate --limits", advice=STOP), mark_children():
         reap()
         yield
 

@@ -118,7 +118,7 @@ def _work(asked: JoinCampaign, requests: LineReader, answer: Callable[[Message],
             until_the_end.enter_context(
                 host_lock(purpose, wait_s=asked.wait_s, notify=notice, meanwhile=ended)
             )
-            mark_children()
+            until_the_end.enter_context(mark_children())
             tidied = str(reap())
         build = build_image if asked.take else None
         engine, software = choose_engine(asked.engine, Console(stderr=True), build)

@@ -80,6 +80,12 @@ def hosts_and_engine(
             "--scheduler and --slurm are for virtual runs, a live run takes a whole host: "
             "add --engine virtual"
         )
+    # A paper's experiments may be virtual and live ones.
+    if options.jobs is not None and asked != VIRTUAL and options.overall is None:
+        raise SlambedError(
+            "--jobs is for virtual runs, a live run takes a whole host: add --engine virtual, or "
+            "leave it out"
+        )
     if options.slurm and options.jobs is None:
         raise SlambedError("--slurm needs --jobs: how many one-core jobs to ask Slurm for")
     if hosts and experiment.roles is not None:
@@ -116,13 +122,13 @@ def _on_this_host(
     there = without_making(files, asked, count) if _may_be_there(experiment, options) else None
     if there is not None and is_idle(there, options):
         return run_plan(there, source, options, _not_idle, console)
-    with host_lock(
+    lock = host_lock(
         f"slambed run {experiment.id}",
         wait_s=math.inf if options.wait else 0.0,
         where=options.results / experiment.id,
         notify=notify,
-    ):
-        mark_children()
+    )
+    with lock, mark_children():
         if found := str(reap()):
             notify(f"removed what a killed campaign left: {found}")
         engine, software = choose_engine(asked, console)
@@ -235,7 +241,8 @@ def _virtually(
     if not options.dry_run:
         make_folder(options.results, "--results")
     plan = _virtual_plan(files, count, notify, options.datasets)
-    prune_features(features)
+    if not options.dry_run:
+        prune_features(features)
 
     def executor_of(played: Played) -> Executor:
         if options.scheduler:

@@ -54,7 +54,7 @@ def run_plan(
     if options.dry_run:
         for line in being_run(options.results, experiment.id):
             print_to(console, line)
-        jobs = options.jobs or (len(own_cpus()) if _is_virtual(plan) else hosts)
+        jobs = (options.jobs or len(own_cpus())) if _is_virtual(plan) else hosts
         forced = _forced(plan.specs, options)
         kept, run_s, virtual = _kept(options), expected_run_s(plan), _is_virtual(plan)
         for line in preview(asked, folder.store, kept, run_s, jobs, forced, virtual):

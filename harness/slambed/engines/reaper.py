@@ -6,6 +6,7 @@ This is safe only under the host lock: then nothing with our label belongs to a 
 
 import contextlib
 import os
+from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -43,9 +44,19 @@ class Reaped:
         return ", ".join(parts)
 
 
-def mark_children() -> None:
-    """Marks all future child processes as ours."""
+@contextlib.contextmanager
+def mark_children() -> Iterator[None]:
+    """Marks child processes that the block starts as ours. What a notebook starts afterwards is
+    not, and no later campaign ends it."""
+    before = os.environ.get(OWNER_VARIABLE)
     os.environ[OWNER_VARIABLE] = f"{os.getpid()}:{start_time(os.getpid())}"
+    try:
+        yield
+    finally:
+        if before is None:
+            del os.environ[OWNER_VARIABLE]
+        else:
+            os.environ[OWNER_VARIABLE] = before
 
 
 def start_time(pid: int) -> int | None:

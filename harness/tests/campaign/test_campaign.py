@@ -8,6 +8,7 @@ import subprocess
 import sys
 import threading
 import time
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -154,8 +155,7 @@ from pathlib import Path
 sys.path[:0] = {tests!r}
 import test_campaign as t
 from slambed.engines.reaper import mark_children, reap
-mark_children()
-with t.host_lock("tests of interrupts", wait_s=120):
+with t.host_lock("tests of interrupts", wait_s=120), mark_children():
     print("reaped", reap(), flush=True)
     campaign = t.runner(Path({folder!r}))
     todo = [s for s in t.specs() if campaign.folder.state(s.run_key) != "valid"]
@@ -217,6 +217,19 @@ def processes_of(folder: Path) -> list[str]:
         if f"{folder}/" in line and "--role" in line:
             found.append(line)
     return found
+
+
+def test_a_campaign_in_a_thread_hears_no_signals_and_runs() -> None:
+    """Python delivers them to the main thread only, and refuses handlers of others."""
+    before = signal.getsignal(signal.SIGINT)
+
+    def stopped() -> bool:
+        with stop_on_signal() as stop:
+            assert signal.getsignal(signal.SIGINT) is before
+            return stop.is_set()
+
+    with ThreadPoolExecutor(1) as threads:
+        assert threads.submit(stopped).result() is False
 
 
 def test_an_interrupt_is_answered_at_once(capfd: pytest.CaptureFixture[str]) -> None:

@@ -26,6 +26,15 @@ def path(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return path
 
 
+def test_a_look_deletes_nothing(path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    pruned: list[Path] = []
+    monkeypatch.setattr("slambed.campaign.run_experiment.prune_features", pruned.append)
+    run_finds(path)
+    assert pruned == []
+    slambed("run", str(path), "--no-figures")
+    assert len(pruned) == 1
+
+
 def run_finds(path: Path) -> tuple[int, int]:
     """Returns the existing runs, and those that `slambed run` would execute."""
     code, out, err = slambed("run", str(path), "--dry-run")

@@ -64,10 +64,17 @@ def test_groups_are_removed_with_what_is_in_them() -> None:
     assert member.wait(5) == -9
 
 
-def test_marking_names_this_very_process(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setenv(OWNER_VARIABLE, "")
-    mark_children()
-    assert os.environ[OWNER_VARIABLE] == f"{os.getpid()}:{start_time(os.getpid())}"
+@pytest.mark.parametrize("before", [None, "1:2"])
+def test_marking_names_this_very_process_and_ends(
+    before: str | None, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A notebook goes on after its campaign, and what it starts then is not ours."""
+    monkeypatch.setenv(OWNER_VARIABLE, before or "")
+    if before is None:
+        monkeypatch.delenv(OWNER_VARIABLE)
+    with mark_children():
+        assert os.environ[OWNER_VARIABLE] == f"{os.getpid()}:{start_time(os.getpid())}"
+    assert os.environ.get(OWNER_VARIABLE) == before
 
 
 def test_reaped_reads_as_words() -> None:
