@@ -13,6 +13,10 @@ suite=${suite%"-$architecture"}
 mirror=${SLAMBED_DEBIAN_MIRROR:-http://deb.debian.org/debian}
 pull_timeout_s=120
 
+if ! command -v docker >/dev/null; then
+  echo "error: no docker command; install docker.io or docker-cli" >&2
+  exit 3
+fi
 if docker image inspect "$image" >/dev/null 2>&1; then
   exit 0
 fi

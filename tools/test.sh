@@ -65,9 +65,10 @@ pytest_live() {
 
 # Prints the folders with recordings, separated by colons: SLAMBED_TEST_RECORDINGS, else the usual data folders.
 recordings() {
-  local folder found=
+  local folder found='' given
   if [ -n "${SLAMBED_TEST_RECORDINGS+set}" ]; then echo "$SLAMBED_TEST_RECORDINGS"; return; fi
-  for folder in ${SLAMBED_DATA:+${SLAMBED_DATA//:/ }} data ../shared/data; do
+  IFS=: read -ra given <<<"${SLAMBED_DATA:-}"
+  for folder in "${given[@]}" data ../shared/data; do
     if [ -d "$folder" ]; then found=$found:$(realpath "$folder"); fi
   done
   echo "${found#:}"

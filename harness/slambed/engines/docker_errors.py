@@ -24,6 +24,14 @@ def daemon_failures(doing: str) -> Iterator[None]:
         raise docker_error(error, doing) from None
 
 
+def no_docker_command(what: str) -> SlambedError:
+    """Returns the error for a host whose daemon is there without the command."""
+    return environment_error(
+        f"{what} needs the command docker, which is not on this host; install docker.io or "
+        "docker-cli"
+    )
+
+
 def docker_error(error: Exception, doing: str) -> SlambedError:
     """A request that the daemon refused will fail again; a missing answer or an error of the
     daemon may be temporary."""

@@ -5,12 +5,14 @@ packages that the system asks for. The packages of PyPI are mounted from the cac
 import contextlib
 import hashlib
 import os
+import shutil
 import subprocess
 
 import docker
 from docker.errors import APIError, NotFound
 
 from slambed.engines.base import LABEL, NodePlan
+from slambed.engines.docker_errors import no_docker_command
 from slambed.engines.foreign import ENVIRONMENT_IN_CONTAINER
 from slambed.engines.python_packages import find_environment, version_of
 from slambed.errors import environment_error
@@ -55,6 +57,8 @@ def base_of(python: PythonPackages, system: str) -> str:
 def build_python_image(python: PythonPackages, name: str, system: str) -> None:
     """Builds the image; output goes to the terminal. Raises SlambedError if it cannot be built."""
     base = base_of(python, system)
+    if shutil.which("docker") is None:
+        raise no_docker_command(f"the image of system {system}")
     script = repository_root() / "tools" / "base_image.sh"
     if subprocess.run(["bash", str(script), base], check=False).returncode == 0:
         print(f"making image {name}: {base} with {', '.join(['python3', *python.apt])}", flush=True)

@@ -13,7 +13,7 @@ from docker.errors import NotFound
 
 from slambed.data.places import cache_folder
 from slambed.engines.base import LABEL, NODE_UID, NodePlan
-from slambed.engines.docker_errors import DAEMON_ERRORS
+from slambed.engines.docker_errors import DAEMON_ERRORS, no_docker_command
 from slambed.engines.docker_limits import as_options, limits_of
 from slambed.engines.helper import host_python, read_only
 from slambed.engines.segmenter import (
@@ -85,11 +85,14 @@ def start_segmenter(
         if parent is None:
             log.write(b"in a control group of its own, with the edge's limits\n")
             log.flush()
-        process = subprocess.Popen(
-            [*run, "--entrypoint", python, str(image.id), *arguments],
-            stdin=subprocess.PIPE,
-            stdout=subprocess.PIPE,
-            stderr=log,
-            start_new_session=True,
-        )
+        try:
+            process = subprocess.Popen(
+                [*run, "--entrypoint", python, str(image.id), *arguments],
+                stdin=subprocess.PIPE,
+                stdout=subprocess.PIPE,
+                stderr=log,
+                start_new_session=True,
+            )
+        except FileNotFoundError:
+            raise no_docker_command("the segmenter") from None
     return SegmenterProcess(process, log_file, clear)

@@ -5,14 +5,16 @@ import shutil
 import subprocess
 import zipfile
 from pathlib import Path
+from unittest.mock import Mock
 
 import pytest
 import yaml
 from pydantic import ValidationError
 
-from slambed.engines import python_packages
+from slambed.engines import docker_segmenter, python_packages
 from slambed.engines.base import NodePlan, last_line
-from slambed.engines.docker_python import image_name, python_volume
+from slambed.engines.docker_python import build_python_image, image_name, python_volume
+from slambed.engines.docker_segmenter import start_segmenter
 from slambed.engines.foreign import container_options, environment
 from slambed.engines.python_packages import (
     find_environment,
@@ -185,6 +187,28 @@ def test_the_image_has_the_python_of_the_packages(tmp_path: Path) -> None:
     refused = r"system mine has packages of Python 3\.9, and slambed makes images with 3\.11, "
     with pytest.raises(SlambedError, match=refused):
         image("3.9")
+
+
+def test_a_host_without_the_docker_command_is_one_line(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Its daemon may be there, or another machine's."""
+    monkeypatch.setenv("PATH", str(tmp_path))
+    python = PythonPackages(requires=["numpy"], version="3.11")
+    line = "the image of system mine needs the command docker, .*install docker.io or docker-cli"
+    with pytest.raises(SlambedError, match=line) as raised:
+        build_python_image(python, "mine:1", "mine")
+    assert raised.value.code == ExitCode.ENVIRONMENT
+    (tmp_path / "bash").symlink_to("/bin/bash")
+    script = str(repository_root() / "tools" / "base_image.sh")
+    done = subprocess.run(["bash", script], capture_output=True, text=True, check=False)
+    assert done.stderr == "error: no docker command; install docker.io or docker-cli\n"
+    assert done.returncode == ExitCode.ENVIRONMENT
+
+    monkeypatch.setattr(docker_segmenter, "group_of_edge", lambda *_: "parent")
+    plan = plan_of(python, tmp_path)
+    with pytest.raises(SlambedError, match="the segmenter needs the command docker"):
+        start_segmenter(Mock(), Mock(), plan, 1, "slambed_people")
 
 
 def test_run_keys_depend_on_the_installed_versions(tmp_path: Path) -> None:
