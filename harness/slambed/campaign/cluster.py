@@ -169,14 +169,17 @@ def _own_ctrl_c() -> Iterator[None]:
 
 @contextmanager
 def _ctrl_c_later() -> Iterator[None]:
-    """Delivers Ctrl-C and SIGHUP after the block: Dask cannot cancel jobs whose submission they
-    interrupt.
+    """Delivers Ctrl-C, SIGHUP and SIGTERM after the block: Dask cannot cancel jobs whose submission
+    they interrupt.
 
     The mask keeps them from threads and programs that the block starts. Other threads of this
     process may still get them, so the handlers wait, too.
     """
     came: list[int] = []
-    known = {number: signal.getsignal(number) for number in (signal.SIGINT, signal.SIGHUP)}
+    known = {
+        number: signal.getsignal(number)
+        for number in (signal.SIGINT, signal.SIGHUP, signal.SIGTERM)
+    }
     kept = {n: how for n, how in known.items() if how not in (None, signal.SIG_IGN)}
     for number in kept:
         signal.signal(number, lambda received, _: came.append(received))

@@ -29,6 +29,7 @@ from slambed.files.outputs import make_folder
 from slambed.files.yaml_source import YamlSource
 from slambed.metrics.collect import keep_groundtruth
 from slambed.process.cpus import own_cpus
+from slambed.process.hangup import interrupted_by_sigterm
 from slambed.spec.device import VIRTUAL
 from slambed.spec.library import Library
 from slambed.spec.run_spec import RunSpec
@@ -64,14 +65,15 @@ def run_plan(
     will_be_callers(options.results)
     notify = partial(print_to, console)
     played = {k: (s.path, s.played_s(experiment.playback)) for k, s in plan.sequences.items()}
-    with host_lock(
+    lock = host_lock(
         f"slambed run {experiment.id}",
         folder.path / ".lock",
         math.inf if options.wait else 0.0,
         f"another campaign writes to {folder.path}",
         where=folder.path,
         notify=notify,
-    ):
+    )
+    with lock, interrupted_by_sigterm():
         # Before anything is written: a mistyped scheduler address must leave no files.
         try:
             executor = NoRuns() if is_idle(plan, options) else executor_of(played)

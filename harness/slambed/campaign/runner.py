@@ -274,17 +274,16 @@ ENDING = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 @contextmanager
 def stop_on_signal() -> Iterator[threading.Event]:
     """SIGINT, SIGTERM and SIGHUP set the event; a second SIGINT raises KeyboardInterrupt. An
-    ignored SIGHUP (nohup) stays ignored. After a SIGHUP a handler `interrupt_once` is not restored:
-    it has had its one signal. Only the main thread of a program hears signals."""
+    ignored SIGHUP (nohup) stays ignored. A handler `interrupt_once` is not restored after its one
+    signal. Only the main thread of a program hears signals."""
     stop = threading.Event()
     if threading.current_thread() is not threading.main_thread():
         yield stop
         return
-    hung_up = threading.Event()
+    came: set[int] = set()
 
     def handle(number: int, frame: object) -> None:
-        if number == signal.SIGHUP:
-            hung_up.set()
+        came.add(number)
         if stop.is_set() and number == signal.SIGINT:
             raise KeyboardInterrupt
         first = not stop.is_set()
@@ -300,5 +299,5 @@ def stop_on_signal() -> Iterator[threading.Event]:
         yield stop
     finally:
         for number, handler in before.items():
-            spent = handler is interrupt_once and hung_up.is_set()
+            spent = handler is interrupt_once and number in came
             signal.signal(number, signal.SIG_IGN if spent else handler)

@@ -380,7 +380,10 @@ def test_who_waits_for_slurm_is_told_where_to_look(
 
 
 @needs_programs
-def test_ctrl_c_while_slurm_lets_wait_cancels_the_job(tmp_path: Path) -> None:
+@pytest.mark.parametrize("how", [signal.SIGINT, signal.SIGTERM])
+def test_an_interruption_while_slurm_lets_wait_cancels_the_job(
+    tmp_path: Path, how: signal.Signals
+) -> None:
     (tmp_path / "bin").mkdir()
     for name, text in (
         ("sbatch", 'echo "Submitted batch job 17"'),
@@ -417,7 +420,7 @@ def test_ctrl_c_while_slurm_lets_wait_cancels_the_job(tmp_path: Path) -> None:
             while "Starting job: 17" not in printed[-1]:
                 printed.append(campaign.stdout.readline())
                 assert printed[-1], "".join(printed)
-            campaign.send_signal(signal.SIGINT)
+            campaign.send_signal(how)
             out, _ = campaign.communicate(timeout=STARTS_S)
         finally:
             campaign.kill()
