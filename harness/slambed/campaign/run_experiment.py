@@ -22,7 +22,13 @@ from slambed.campaign.plan import (
 )
 from slambed.campaign.prepared_inputs import Notify, prepare_input
 from slambed.campaign.processes import ProcessExecutor
-from slambed.campaign.run_plan import check_selections, is_idle, print_to, run_plan
+from slambed.campaign.run_plan import (
+    check_selections,
+    datasets_to_play,
+    is_idle,
+    print_to,
+    run_plan,
+)
 from slambed.campaign.runner import CampaignOutcome, stop_on_signal
 from slambed.campaign.store import RunStore
 from slambed.data.places import cache_folder
@@ -145,7 +151,8 @@ def _on_this_host(
             def executor_of(played: Played) -> Executor:
                 _await_quiet(60.0 * options.quiet_within_min, notify)
                 if board is not None:
-                    bring_sequences(board, played)
+                    needed = datasets_to_play(plan, options)
+                    bring_sequences(board, {k: v for k, v in played.items() if k in needed})
                 return LiveExecutor(board or engine, open_link, played)
 
             return run_plan(plan, source, options, executor_of, console)

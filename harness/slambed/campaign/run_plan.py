@@ -251,6 +251,12 @@ def is_idle(plan: Plan, options: Options) -> bool:
     return not _todo(plan.specs, ResultFolder(options.results / plan.experiment.id), options)
 
 
+def datasets_to_play(plan: Plan, options: Options) -> set[str]:
+    """Returns the sequences of the pending runs."""
+    folder = ResultFolder(options.results / plan.experiment.id)
+    return {spec.dataset for spec in _todo(plan.specs, folder, options)}
+
+
 def _forced(specs: list[RunSpec], options: Options) -> frozenset[str]:
     if not options.force:
         return frozenset()

@@ -24,7 +24,7 @@ from slambed.campaign.ledger import Ledger
 from slambed.campaign.options import Options
 from slambed.campaign.plan import Plan
 from slambed.campaign.processes import ProcessExecutor
-from slambed.campaign.run_plan import run_plan
+from slambed.campaign.run_plan import datasets_to_play, run_plan
 from slambed.campaign.runner import CampaignOutcome, Runner
 from slambed.campaign.store import RunStore
 from slambed.data.prepared import SEQUENCE_FILE
@@ -115,6 +115,17 @@ def test_a_campaign_that_fails_has_an_end_too(tmp_path: Path) -> None:
         run_plan(plan, source, options, lambda played: Broken(), Console())
     last = Ledger(tmp_path / "results" / "walk" / "ledger.jsonl").read()[-1]
     assert (last["event"], last["done"], last["interrupted"]) == ("campaign_ended", 0, False)
+
+
+def test_a_board_gets_sequences_of_pending_runs_only(tmp_path: Path) -> None:
+    walk = make_sequence(tmp_path / "walk", 1)
+    other = make_sequence(tmp_path / "other", 1, name="other")
+    text = EXPERIMENT.replace("{sequence}", f"{{sequence}}, {other}")
+    plan = plan_of(write_experiment(tmp_path, walk, 1, text))
+    results = tmp_path / "results"
+    assert datasets_to_play(plan, Options(results=results)) == {"walk", "other"}
+    only = Options(results=results, only=["dataset=other"])
+    assert datasets_to_play(plan, only) == {"other"}
 
 
 def test_a_run_that_may_stop_at_its_first_loss_is_the_same_until_then(tmp_path: Path) -> None:
