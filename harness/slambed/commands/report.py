@@ -316,6 +316,7 @@ def evaluate(
         for note in (*own_file.notes, *true_file.notes):
             typer.echo(f"note: {note}", err=True)
         ate = absolute_error(own, true, max_difference_s, method, with_scale)
+        own = own.scaled(ate.scale)  # 1 without --with-scale: the path that the ATE is of
         if own.has_orientation and true.has_orientation:
             rpe = relative_error(
                 own, true, delta_s, max_difference_s=max_difference_s, method=method

@@ -80,6 +80,16 @@ def test_kittis_poses_go_by_line(tmp_path: Path) -> None:
     )
 
 
+def test_with_scale_the_rpe_is_of_the_scaled_path_too(tmp_path: Path) -> None:
+    true = write_kitti(tmp_path / "true.txt", drive())
+    own = write_kitti(tmp_path / "own.txt", drive(0.5))
+    code, out, err = slambed("evaluate", str(own), str(true), "--with-scale", "--json")
+    assert code == 0, err
+    found = json.loads(out)
+    assert found["rpe"]["translation_m"]["rmse"] == pytest.approx(0.0, abs=1e-6)
+    assert found["kitti"]["translation_percent"] == pytest.approx(0.0, abs=1e-4)
+
+
 def test_kittis_poses_get_times_from_a_file(tmp_path: Path) -> None:
     own = write_kitti(tmp_path / "own.txt", drive(1.01))
     truth = tmp_path / "true.txt"
