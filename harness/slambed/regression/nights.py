@@ -11,7 +11,7 @@ import pandas as pd
 from numpy.typing import NDArray
 from scipy import stats
 
-from slambed.metrics.comparison import fisher, mcnemar, signed_rank
+from slambed.metrics.comparison import fisher, mcnemar, rank_method, signed_rank
 from slambed.metrics.metric import Metric
 from slambed.metrics.statistics import finite
 from slambed.report.contrast import paired_by_seed, values_to_rank
@@ -109,7 +109,7 @@ def _measured(rows: pd.DataFrame, item: Metric) -> Floats:
 
 def worsening_p(baseline: Floats, tonight: Floats, better: str) -> Floats:
     """Returns p of a one-sided rank test along the last axis that tonight is worse; exact without
-    ties.
+    ties, and of few runs.
 
     Leading axes are independent tests; values of failed runs are infinite.
     """
@@ -117,7 +117,7 @@ def worsening_p(baseline: Floats, tonight: Floats, better: str) -> Floats:
     both = np.sort(np.concatenate([baseline, tonight], axis=-1), axis=-1)
     with np.errstate(invalid="ignore"):
         ties = bool(np.any(both[..., 1:] == both[..., :-1]))
-    method: Literal["asymptotic", "exact"] = "asymptotic" if ties else "exact"
+    method = rank_method(baseline, tonight, "asymptotic" if ties else "exact")
     result = stats.mannwhitneyu(tonight, baseline, alternative=alternative, axis=-1, method=method)
     # With all values equal there is no spread, so nothing is shown.
     return np.nan_to_num(np.asarray(result.pvalue, dtype=np.float64), nan=1.0)

@@ -22,6 +22,7 @@ from slambed.metrics.comparison import (
 )
 from slambed.metrics.robust_accuracy import coverage_aware_ate
 from slambed.metrics.statistics import finite, interval, wilson
+from slambed.regression.nights import worsening_p
 from slambed.report.tables import with_interval
 
 
@@ -98,6 +99,14 @@ def test_mann_whitney_and_its_effect_size() -> None:
     assert test.p_value == pytest.approx(1 / 70)
     assert mann_whitney(low, low).cliffs_delta == 0.0
     assert mann_whitney([1.0, 2.0], [np.inf, np.inf], "greater").cliffs_delta == 1.0
+
+
+def test_ties_among_few_runs_give_no_p_below_the_smallest_possible() -> None:
+    for runs in range(2, 6):
+        assert mann_whitney([0] * runs, [1] * runs).p_value == pytest.approx(least_p(runs, False))
+    a, b = np.array([[0.0, 0, 0], [1, 2, 2]]), np.array([[1.0, 1, 1], [1, 2, 2]])
+    assert worsening_p(a, b, "lower")[0] == pytest.approx(1 / 20)
+    assert worsening_p(a, b, "lower")[1] > 0.5
 
 
 def test_fisher_asks_whether_the_second_is_larger() -> None:
