@@ -265,8 +265,9 @@ def _predicted(
 
 def _back(session: Session, fit: FitResult) -> tuple[list[Back], Evaluated]:
     """Evaluates the best point with each item as printed, and with all items as printed, to
-    attribute the fit to items."""
-    plan, form = session.plan, session.form
+    attribute the fit to items. They get as many runs as the best point has, because likelihoods of
+    other numbers of runs are no comparison; it has fewer than planned where the budget ended."""
+    plan, runs = session.plan, fit.best.runs
     best = fit.best.point
     everything = printed_point(plan.open)
     points = {
@@ -275,9 +276,9 @@ def _back(session: Session, fit: FitResult) -> tuple[list[Back], Evaluated]:
         if best.named[name] != item.printed
     }
     wanted = list(dict.fromkeys([everything, *points.values()]))
-    counts = session.campaign.counts("back", wanted, plan.fit, form.final_runs)
+    counts = session.campaign.counts("back", wanted, plan.fit, runs)
     own = FitResult(fit.printed, fit.within_log)
-    own.put(counts, form.final_runs)
+    own.put(counts, runs)
     found = [
         Back(n, shown(best.named[n]), shown(plan.open[n].printed), own.points[p])
         for n, p in points.items()

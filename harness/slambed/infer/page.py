@@ -110,6 +110,7 @@ def _page(outcome: Outcome) -> str:
         back_cells=[_label(outcome, c) for c in cells],
         paper_counts=[f"{s.bad}/{s.runs}" for s in fit.printed.values()],
         best_counts=[_count(fit.best, c) for c in cells],
+        back_runs=fit.best.runs,
         back=[_back(b, fit.best, cells) for b in outcome.back],
         printed=_back(Back("all of them", "", "", outcome.printed), fit.best, cells),
     )

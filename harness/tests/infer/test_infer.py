@@ -4,6 +4,7 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import pairwise, product
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -11,6 +12,7 @@ import pytest
 from scipy import special, stats
 
 from slambed.infer.design import Point, printed_point, rounds_of, spread
+from slambed.infer.inference import _back
 from slambed.infer.inference_plan import Criterion, Form, OpenItem
 from slambed.infer.mixture import (
     Counts,
@@ -266,6 +268,24 @@ def test_a_search_without_budget_says_so() -> None:
         points, [5, 10], printed, 2.0, truth.evaluate, lambda own, runs: 12 if runs == 5 else 1
     )
     assert fit.unpaid > 0 and sum(e.runs == 10 for e in fit.points.values()) == 1
+
+
+def test_what_an_item_buys_is_of_as_many_runs_as_the_likeliest_point_has() -> None:
+    truth, best = Truth(1), printed_point(ITEMS).at("scale", 0.9)
+    fit = FitResult({c: truth.printed[c] for c in truth.FITTED}, 2.0)
+    fit.put(truth.evaluate([best], 5), 5)  # the budget ended before the final number of runs
+    asked: list[int] = []
+
+    def counts(stage: str, points: Any, cells: Any, runs: int) -> Mapping[Point, Counts]:
+        asked.append(runs)
+        return truth.evaluate(points, runs)
+
+    plan = SimpleNamespace(open=ITEMS, fit=truth.FITTED)
+    session: Any = SimpleNamespace(
+        plan=plan, form=SimpleNamespace(final_runs=60), campaign=SimpleNamespace(counts=counts)
+    )
+    back, printed = _back(session, fit)
+    assert asked == [5] and printed.runs == 5 and {b.evaluated.runs for b in back} == {5}
 
 
 def compared_cell(
