@@ -148,7 +148,14 @@ def diff_command(
     Cells are matched by everything that --a and --b do not select. Exits with 1 when a change was
     shown.
     """
-    from slambed.regression.diff import diff, diff_json, diff_table, write_diff
+    from slambed.regression.diff import (
+        diff,
+        diff_json,
+        diff_table,
+        left_out_lines,
+        not_compared,
+        write_diff,
+    )
     from slambed.regression.diff_sides import Sides
     from slambed.report.load import load
     from slambed.report.tables import check_format
@@ -170,9 +177,10 @@ def diff_command(
         return
     sides = Sides.of(before, after, of_a or (), of_b or ())
     found = diff(sides, metrics)
+    left_out = not_compared(found, sides, metrics)
     table = diff_table(found, sides)
     if as_json:
-        print_json(diff_json(found, sides))
+        print_json(diff_json(found, sides, left_out))
     else:
         console().print(table.rich())
     if output is not None:
@@ -181,11 +189,13 @@ def diff_command(
     if html is not None:
         from slambed.regression.diff_page import write_diff_page
 
-        write_diff_page(found, sides, html)
+        write_diff_page(found, sides, html, left_out)
         typer.echo(f"page: {html}", err=as_json)
     shown = sum(change.shown for change in found)
     if not as_json:
         typer.echo(f"{shown} of {len(found)} comparisons show a change")
+        for line in left_out_lines(left_out):
+            typer.echo(line)
         if metrics is None:
             typer.echo("compared: the metrics of the experiment's report; others: --metric NAME")
     if shown:

@@ -5,7 +5,7 @@ where seeds allow it.
 The two may differ in commit, engine, system or host.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from math import isfinite
 from pathlib import Path
 from typing import Any
@@ -23,6 +23,9 @@ from slambed.report.cells import metrics_asked
 from slambed.report.contrast import contrast
 from slambed.report.tables import Table, change_with_interval, check_format
 from slambed.suggestion import suggestion
+
+MOST_LINES = 8
+"""Most lines about what was not compared."""
 
 
 @dataclass(frozen=True)
@@ -83,6 +86,41 @@ def diff(sides: Sides, metrics: list[str] | None = None) -> list[Change]:
         replace(c, p_value=float(p), possible=c.least_p * len(found) <= USUAL_ALPHA)
         for c, p in zip(found, adjusted, strict=True)
     ]
+
+
+@dataclass(frozen=True)
+class LeftOut:
+    """A cell that only one side has, or one metric of a cell that was asked for."""
+
+    cell: str
+    metric: str | None
+    """None for the whole cell."""
+    why: str
+
+
+def not_compared(
+    found: list[Change], sides: Sides, metrics: list[str] | None = None
+) -> list[LeftOut]:
+    """Returns what `diff` left out: cells without a valid run on one side, and of `metrics` those
+    that fewer than two runs (or pairs) have."""
+    left_out = [
+        LeftOut(cell, None, f"{letter} has no valid run of it") for cell, letter in sides.alone()
+    ]
+    compared = {(change.cell, change.metric.key) for change in found}
+    for cell, _, _ in sides.matched():
+        for key in dict.fromkeys(metrics or []):
+            if (cell, key) not in compared:
+                name = sides.a.results.metric(key).name
+                why = f"{name}: fewer than two runs (or pairs) of a side have it"
+                left_out.append(LeftOut(cell, key, why))
+    return left_out
+
+
+def left_out_lines(left_out: list[LeftOut]) -> list[str]:
+    """Returns the first of them in words, and how many more there are."""
+    lines = [f"not compared: {one.cell}: {one.why}" for one in left_out[:MOST_LINES]]
+    more = len(left_out) - MOST_LINES
+    return [*lines, f"not compared: {more} more; all with --json"] if more > 0 else lines
 
 
 def _must_be_known(key: str, sides: Sides) -> None:
@@ -147,7 +185,9 @@ def write_diff(table: Table, sides: Sides, path: Path) -> None:
         path.write_text(Table(table.name, table.caption, headings, rows, table.words).csv())
 
 
-def diff_json(found: list[Change], sides: Sides) -> dict[str, Any]:
+def diff_json(
+    found: list[Change], sides: Sides, left_out: list[LeftOut] | None = None
+) -> dict[str, Any]:
     """Returns the changes for scripts, in stored units; null where a failed run makes a number
     infinite."""
 
@@ -183,4 +223,5 @@ def diff_json(found: list[Change], sides: Sides) -> dict[str, Any]:
         "differing": sides.differing,
         "shown": sum(c.shown for c in found),
         "changes": changes,
+        "not_compared": [asdict(one) for one in left_out or []],
     }

@@ -11,7 +11,7 @@ from markupsafe import Markup
 from matplotlib.figure import Figure
 
 from slambed.files.outputs import writing
-from slambed.regression.diff import Change, diff_table
+from slambed.regression.diff import Change, LeftOut, diff_table, left_out_lines
 from slambed.regression.diff_sides import Sides, sides_table
 from slambed.report.figure_points import points_of
 from slambed.report.page import in_page, page_script, render
@@ -27,7 +27,9 @@ WIDEST = 200.0
 """Percent of A; larger changes are drawn at the edge."""
 
 
-def write_diff_page(found: list[Change], sides: Sides, path: Path) -> None:
+def write_diff_page(
+    found: list[Change], sides: Sides, path: Path, left_out: list[LeftOut] | None = None
+) -> None:
     """Writes the page. Raises SlambedError if the file cannot be written."""
     table = diff_table(found, sides)
     beside = sides_table(sides)
@@ -42,7 +44,7 @@ def write_diff_page(found: list[Change], sides: Sides, path: Path) -> None:
         tiles=_tiles(found),
         sides=beside,
         differs=any(own != other for _, own, other in beside.rows),
-        problems=_problems(sides),
+        problems=[*_problems(sides), *left_out_lines(left_out or [])],
         table=table,
         moods=[MOOD.get(row[-1], "") for row in table.rows],
         figure=picture,

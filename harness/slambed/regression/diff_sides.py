@@ -180,19 +180,32 @@ class Sides:
     def matched(self) -> list[tuple[str, pd.DataFrame, pd.DataFrame]]:
         """Returns (cell, its runs in A, in B) for cells of equal label, dataset and link, except
         for keys that both sides select on. Raises SlambedError where that would pool cells."""
+        ours, theirs = self._pools
+        return [
+            (own.called(other), own.runs, other.runs)
+            for key, own in ours.items()
+            if (other := theirs.get(key)) is not None
+        ]
+
+    def alone(self) -> list[tuple[str, str]]:
+        """Returns (cell, the letter of the side without a valid run of it)."""
+        ours, theirs = self._pools
+        return [(own.cell, "B") for key, own in ours.items() if key not in theirs] + [
+            (other.cell, "A") for key, other in theirs.items() if key not in ours
+        ]
+
+    @cached_property
+    def _pools(self) -> tuple[dict[Key, "Pooled"], dict[Key, "Pooled"]]:
+        """Returns the cells of A and of B by the key that they are matched by."""
         valid = [self.a.results.valid_runs, self.b.results.valid_runs]
         chosen = self.a.keys & self.b.keys
         labels = _labels(*valid)
         drop = {c for c in WHERE if chosen & {c, CELL} and _apart(*(t[COLUMNS[c]] for t in valid))}
-        pools = [
+        a, b = (
             self._pooled(letter, runs, own, drop)
             for letter, runs, own in zip("AB", valid, labels, strict=True)
-        ]
-        return [
-            (own.called(other), own.runs, other.runs)
-            for key, own in pools[0].items()
-            if (other := pools[1].get(key)) is not None
-        ]
+        )
+        return a, b
 
     def _pooled(
         self, letter: str, runs: pd.DataFrame, labels: dict[str, str], drop: set[str]

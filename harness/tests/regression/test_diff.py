@@ -20,7 +20,7 @@ from rich.console import Console
 from slambed.errors import SlambedError
 from slambed.metrics.changes import paired_shift
 from slambed.regression import diff_page
-from slambed.regression.diff import Change, diff_json, diff_table
+from slambed.regression.diff import Change, diff_json, diff_table, not_compared
 from slambed.regression.diff import diff as diff_of
 from slambed.regression.diff_page import relative, write_diff_page
 from slambed.regression.diff_sides import Sides
@@ -316,6 +316,23 @@ def test_two_parts_of_one_folder_are_compared(
     assert code == 0 and content["sides"]["a"]["selected"] == [a]
     assert content["sides"]["a"]["commit"] == ["0123456789abcdef"]
     assert {change["cell"] for change in content["changes"]} == cells
+
+
+def test_what_is_left_out_is_told(one_folder: Path) -> None:
+    sides = ("--a", "variant=static", "--b", "variant=conventional,link=rtt_40")
+    _, out, _ = slambed("diff", str(one_folder), *sides, *METRIC)
+    lines = [line for line in out.splitlines() if line.startswith("not compared: ")]
+    assert lines == [
+        "not compared: edgeslam:static n_orb 500/room_walk/rtt_0: B has no valid run of it",
+        "not compared: edgeslam:static n_orb 1000/room_walk/rtt_0: B has no valid run of it",
+    ]
+    _, out, _ = slambed("diff", str(one_folder), *sides, *METRIC, "--json")
+    assert len(json.loads(out)["not_compared"]) == 2
+    a = results(np.random.default_rng(7))
+    asked = ["track_ms_median", "keyframes"]
+    left_out = not_compared(diff(a, a, asked), Sides.of(a, a), asked)
+    assert [one.metric for one in left_out] == ["keyframes"] * 2
+    assert not_compared(diff(a, a), Sides.of(a, a)) == []
 
 
 @pytest.mark.parametrize(
