@@ -31,6 +31,10 @@ HISTORY_COLUMNS = ("night_utc", "experiment", "cell", "valid")
 ALPHA = 0.05
 """Chance of any false alarm in a night, over all cells and metrics (Holm)."""
 
+AFTER_A_CHANGE = (
+    "; after a change of the metrics or of the experiment, accept one night with --first-night"
+)
+
 
 @dataclass(frozen=True)
 class Finding:
@@ -104,15 +108,18 @@ def judge(
     if not len(tonight) or not tonight["valid"].eq(True).any():
         result.failures.append("nothing was measured tonight: there is no valid run")
     elif len(baseline):
-        baseline, line = comparable(baseline, tonight)
+        baseline, line = comparable(_of_today(baseline, tonight), tonight)
         result.notes += [line] if line else []
     if not len(baseline) or not baseline["valid"].eq(True).any():
-        result.failures.append("the baseline has no valid run: there is nothing to compare with")
+        result.failures.append(
+            f"the baseline has no valid run: there is nothing to compare with{AFTER_A_CHANGE}"
+        )
     if result.failures:
         return result
     own = own_metrics_in(tonight)
     gated = metrics or keys_for(Use.GATED, own)
     tests: list[Test] = []
+    cells = baseline.loc[baseline["valid"].eq(True), "cell"].nunique()
     for cell, before in baseline.groupby("cell", sort=False):
         after = tonight[tonight["cell"] == cell]
         good, good_before = after[after["valid"].eq(True)], before[before["valid"].eq(True)]
@@ -121,14 +128,18 @@ def judge(
         if not len(good):
             result.failures.append(
                 f"{cell}: nothing measured tonight ({len(after)} runs, none valid)"
+                + ("" if len(after) else AFTER_A_CHANGE)
             )
             continue
-        _judge_validity(str(cell), before, after, alpha, result)
+        _judge_validity(str(cell), before, after, alpha / cells, result)
+        newest = _newest_night(good_before)
         for key in gated:
             item = metric(key, own)
             a, b, paired = values_of_nights(good_before, good, item)
-            if len(a) and not len(b):
-                result.failures.append(f"{cell}: {item.name} was not measured tonight")
+            if len(a) and not len(b) and item.key in newest and newest[item.key].notna().any():
+                result.failures.append(
+                    f"{cell}: {item.name} was not measured tonight{AFTER_A_CHANGE}"
+                )
             if len(b) and not len(a):
                 result.notes.append(f"{cell}: {item.name} is new tonight, without a baseline")
             if len(a) and len(b):
@@ -136,6 +147,20 @@ def judge(
     _new_cells(baseline, tonight, result)
     _decide(tests, alpha, result)
     return result
+
+
+def _newest_night(baseline: pd.DataFrame) -> pd.DataFrame:
+    """Returns the runs of the newest night; all of a baseline without nights."""
+    if "night_utc" not in baseline:
+        return baseline
+    return baseline[baseline["night_utc"].eq(baseline["night_utc"].max())]
+
+
+def _of_today(baseline: pd.DataFrame, tonight: pd.DataFrame) -> pd.DataFrame:
+    """Returns the baseline without cells that neither its newest night nor tonight has: those were
+    taken out of the experiment before, and do not miss."""
+    cells = {*_newest_night(baseline)["cell"], *tonight["cell"]}
+    return baseline[baseline["cell"].isin(cells)]
 
 
 def _new_cells(baseline: pd.DataFrame, tonight: pd.DataFrame, result: RegressionResult) -> None:
@@ -185,7 +210,8 @@ def _decide(tests: list[Test], alpha: float, result: RegressionResult) -> None:
 def _judge_validity(
     cell: str, before: pd.DataFrame, after: pd.DataFrame, alpha: float, result: RegressionResult
 ) -> None:
-    """Tests the share of invalid runs, because all other tests leave these out."""
+    """Tests the share of invalid runs, because all other tests leave these out. `alpha` is the
+    cell's part of the chance of a false alarm."""
     bad_before = len(before) - int(before["valid"].eq(True).sum())
     bad_after = len(after) - int(after["valid"].eq(True).sum())
     p_value = fisher(bad_before, len(before), bad_after, len(after), "greater")

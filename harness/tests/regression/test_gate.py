@@ -269,6 +269,29 @@ def test_a_new_cell_is_named_and_fails_when_it_measured_nothing() -> None:
     assert dead.failures == [message.replace("12 valid", "0 valid")]
 
 
+def test_what_an_accepted_night_lacks_is_not_missing(tmp_path: Path) -> None:
+    rng, history = np.random.default_rng(12), tmp_path / "runs.parquet"
+    for day in range(1, 4):
+        append_history(history, some_runs(rng), f"2026-02-0{day}", True)
+    less = some_runs(rng).drop(columns="mobile_mem_mb_peak")
+    less = less[less["cell"].str.startswith("offloaded")]
+    failures = judge(read_runs(history, "x")[0], less).failures
+    assert len(failures) == 2 and all("accept one night with --first-night" in f for f in failures)
+    append_history(history, less, "2026-02-04", True)  # accepted
+    assert judge(read_runs(history, "x")[0], less).passed
+
+
+def test_invalid_runs_of_one_of_many_cells_may_be_chance() -> None:
+    """The chance of a false alarm is of all cells together."""
+    rng = np.random.default_rng(12)
+    before, tonight = some_runs(rng), some_runs(rng)
+    first = tonight["cell"].str.startswith("alone") & (tonight["repetition"] < 7)
+    few, one = tonight.assign(valid=~first), before["cell"].str.startswith("alone")
+    many = [before.assign(cell=f"{n}/" + before["cell"]) for n in range(20)]
+    assert any("runs invalid" in line for line in judge(before[one], few[one]).failures)
+    assert judge(pd.concat([before, *many]), pd.concat([few, *many])).passed
+
+
 def test_a_metric_that_is_new_tonight_is_named() -> None:
     rng = np.random.default_rng(13)
     result = judge(some_runs(rng).drop(columns="failed"), some_runs(rng))
