@@ -78,7 +78,12 @@ def longest_stall(log: EventLog) -> tuple[float, float] | None:
     None if nothing was timed.
     """
     stages = log.stages("mobile", "extract")
-    both = [e for e in stages if e.get("wall_ms") is not None and e.get("cpu_ms")]
+    # A user's program may have a stage of this name with other fields.
+    both = [
+        e
+        for e in stages
+        if all(isinstance(e.get(key), int | float) for key in ("wall_ms", "cpu_ms")) and e["cpu_ms"]
+    ]
     if not both:
         return None
     wall, cpu = values_of(both, "wall_ms"), values_of(both, "cpu_ms")
@@ -178,7 +183,10 @@ def _capture_times_ns(log: EventLog) -> dict[int, float]:
     for event in log.of("keyframe_created"):
         keyframe, frame = event.get("keyframe"), event.get("frame")
         if isinstance(keyframe, int):
-            fallback = float(event.get("seq_s", event["t_ns"] / 1e9)) * 1e9
+            seq_s = event.get("seq_s")
+            if not isinstance(seq_s, int | float):
+                seq_s = event["t_ns"] / 1e9
+            fallback = float(seq_s) * 1e9
             captured[keyframe] = (
                 offered.get(frame, fallback) if isinstance(frame, int) else fallback
             )

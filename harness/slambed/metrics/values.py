@@ -36,7 +36,8 @@ def update_delay_ms(run: RunData) -> Value:
 def link_stalls(run: RunData) -> Value:
     """Returns how often a channel stalled; None if no channel reports, as in systems with their
     own programs."""
-    links = run.log.of("link")
+    # A user's program may have events of this name with other fields.
+    links = [link for link in run.log.of("link") if "event" in link]
     return sum(link["event"] == "stalled" for link in links) if links else None
 
 

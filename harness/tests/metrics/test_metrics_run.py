@@ -22,7 +22,7 @@ from slambed.metrics.parquet import to_parquet
 from slambed.metrics.resources import resources_of
 from slambed.metrics.run_data import RunData
 from slambed.metrics.run_summary import summarize_run, summarize_with_problems
-from slambed.metrics.stages import delays, stage_times
+from slambed.metrics.stages import delays, longest_stall, stage_times, total_ms
 from slambed.metrics.tracking import tracking_of
 from slambed.records.kept_spec import KeptSpec
 from slambed.spec.library import Library
@@ -319,6 +319,23 @@ def test_stages_called_in_pieces_count_per_keyframe() -> None:
     log = EventLog([event | {"t_ns": i} for i, event in enumerate(order)])
     (bundle,) = stage_times(log)
     assert (bundle.wall_ms_mean, bundle.wall_ms_per_unit) == (10.0, 20.0)
+
+
+def test_events_of_a_users_program_may_have_our_names_and_other_fields(tmp_path: Path) -> None:
+    raw = write_raw(tmp_path / "raw", RawRun())
+    before = summarize_run(raw, EDGE_SPEC)
+    own = [
+        {"type": "link", "state": "up"},
+        {"type": "stage", "name": "extract", "wall_ms": "fast", "cpu_ms": "1 ms"},
+        {"type": "keyframe_created", "keyframe": 10_000, "frame": None, "seq_s": "soon"},
+    ]
+    with (raw / "mobile" / "events.jsonl").open("a") as lines:
+        lines.writelines(json.dumps({"t_ns": 10**9, **event}) + "\n" for event in own)
+    after = summarize_run(raw, EDGE_SPEC)
+    for key in ("link_stalls", "host_stall_ms_max", "update_delay_ms_median"):
+        assert after[key] == before[key]
+    log = EventLog([{"t_ns": 10**9, "node": "mobile", **event} for event in own])
+    assert len(total_ms(log)) == 0 and longest_stall(log) is None
 
 
 def test_true_path_is_kept_once(tmp_path: Path) -> None:
