@@ -218,6 +218,25 @@ def test_a_strategy_has_a_figure_for_each_link_and_each_system(
     ]
 
 
+def test_a_strategy_has_a_figure_for_each_engine_and_device(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    own = {"reference_rmse_m": 0.1, "link_mbit_s": 1.0}
+    one = results(("static",), **own)
+    live = one.runs.assign(engine="local", pace="realtime", reference_rmse_m=9.0)
+    slow = one.runs.assign(device_mobile="half_core")
+    found = sweeps(replace(one, runs=pd.concat([one.runs, live, slow], ignore_index=True)))
+    assert [sweep.apart for sweep in found] == [
+        ("virtual", "pi"), ("local", "realtime", "pi"), ("virtual", "half_core"),
+    ]  # fmt: skip
+    assert [set(sweep.runs["reference_rmse_m"]) for sweep in found] == [{0.1}, {9.0}, {0.1}]
+    writer = FigureWriter(tmp_path, "", [])
+    saved: list[Any] = []
+    monkeypatch.setattr(writer, "save", lambda _, *parts: saved.append(parts))
+    assert all(draw_sweep(sweep, writer) for sweep in found)
+    assert len({name for name, *_ in saved}) == 3
+
+
 def test_only_the_links_of_a_strategys_own_figure_get_no_second_one() -> None:
     own = {"reference_rmse_m": 0.1, "link_mbit_s": 1.0}
     found = results(("static",), links=("none", "slow"), **own)

@@ -10,12 +10,14 @@ import pandas as pd
 from slambed.metrics.catalog import metric
 from slambed.metrics.metric import Metric
 from slambed.metrics.statistics import Interval
-from slambed.report.cells import estimate, intervals_or_ranges
+from slambed.report.cells import estimate, intervals_or_ranges, text
 from slambed.report.load import Results
 from slambed.report.style import FigureWriter, color, figure, file_name, legend_beneath, marker
 
 LEAST_VALUES = 3
 LEFT, RIGHT = "reference_rmse_m", "link_mbit_s"
+STRATEGY = ("system", "variant", "dataset", "profile")
+WHERE = ("engine", "pace", "device_mobile", "device_edge")
 
 
 @dataclass(frozen=True)
@@ -29,22 +31,32 @@ class Sweep:
     column: str
     """The varied number: `params.<name>`."""
     runs: pd.DataFrame
+    where: tuple[str, ...] = ()
+    """Engine, pace and devices, in which runs of one curve may not differ."""
     apart: tuple[str, ...] = ()
-    """System and link, each only where sweeps that are otherwise called the same differ in it."""
+    """System, link, engine, pace and devices, each only where sweeps that are otherwise called the
+    same differ in it."""
+
+    @property
+    def key(self) -> tuple[str, ...]:
+        """Returns what no other sweep shares."""
+        return (self.system, self.variant, self.dataset, self.profile, *self.where, self.column)
 
 
 def sweeps(results: Results) -> list[Sweep]:
     """Returns the runs wherever only one number is varied."""
-    keys = ["system", "variant", "dataset", "profile"]
+    own = results.valid_runs
+    keys = [*(own[name] for name in STRATEGY), *(own[name].map(text) for name in WHERE)]
     found: list[Sweep] = []
-    for group, runs in results.valid_runs.groupby(keys, sort=False):
+    for group, runs in own.groupby(keys, sort=False):
         columns = [c for c in runs if str(c).startswith("params.") and runs[c].nunique() > 1]
         if len(columns) != 1:
             continue
         numbers = pd.to_numeric(runs[columns[0]], errors="coerce")
         if numbers.notna().all() and numbers.nunique() >= LEAST_VALUES:
-            system, variant, dataset, profile = map(str, group)
-            found.append(Sweep(system, variant, dataset, profile, str(columns[0]), runs))
+            system, variant, dataset, profile, *where = map(str, group)
+            column = str(columns[0])
+            found.append(Sweep(system, variant, dataset, profile, column, runs, tuple(where)))
     return [replace(sweep, apart=_apart(sweep, found)) for sweep in found]
 
 
@@ -56,8 +68,10 @@ def _apart(sweep: Sweep, others: list[Sweep]) -> tuple[str, ...]:
 
     same = [one for one in others if called(one) == called(sweep)]
     systems, profiles = {one.system for one in same}, {one.profile for one in same}
-    parts = (sweep.system, systems), (sweep.profile, profiles)
-    return tuple(own for own, names in parts if len(names) > 1)
+    parts = [(sweep.system, systems), (sweep.profile, profiles)]
+    alike = [x.where for x in same if (x.system, x.profile) == (sweep.system, sweep.profile)]
+    parts += [(own, {*names}) for own, *names in zip(sweep.where, *alike, strict=True)]
+    return tuple(own for own, names in parts if own and len(names) > 1)
 
 
 def draw_sweep(sweep: Sweep, writer: FigureWriter) -> bool:

@@ -21,7 +21,7 @@ from slambed.metrics.catalog import keys_for
 from slambed.metrics.metric import Metric, Use
 from slambed.metrics.statistics import Floats, finite
 from slambed.report.cells import estimate, metrics_asked, text
-from slambed.report.figures.sweep import LEFT, RIGHT, sweeps
+from slambed.report.figures.sweep import LEFT, RIGHT, STRATEGY, WHERE, sweeps
 from slambed.report.load import Results
 from slambed.report.style import (
     SQUEEZED_SHARE,
@@ -35,7 +35,7 @@ from slambed.report.style import (
 )
 from slambed.spec.library import Library
 
-SWEEP = ["system", "variant", "dataset", "profile"]
+SWEEP = [*STRATEGY, *WHERE]
 """Columns that identify a strategy's sweep."""
 PARAMS, RTT, LOSS = "params.", "link.rtt_ms", "link.loss"
 IN_WORDS = ("name", "description", "source", "duration_s")
@@ -119,11 +119,7 @@ def swept(results: Results) -> Iterator[Swept]:
         for name in runs
         if str(name).startswith(PARAMS) and runs[name].nunique(dropna=False) > 1
     ]
-    own_form = (
-        {(own.system, own.variant, own.dataset, own.profile, own.column) for own in sweeps(results)}
-        if _has_both(runs)
-        else set()
-    )
+    own_form = {own.key for own in sweeps(results)} if _has_both(runs) else set()
     for key in [*parameters, RTT, LOSS]:
         if key in (RTT, LOSS):
             values, rest = _split_links(runs["profile"].map(text), results, key)
@@ -134,7 +130,7 @@ def swept(results: Results) -> Iterator[Swept]:
         lines = [
             line
             for line in _lines(runs[values.notna()], values, rest, key, parameters)
-            if (*line.runs.iloc[0][SWEEP].map(str), key) not in own_form
+            if (*line.runs.iloc[0][SWEEP].map(text), key) not in own_form
         ]
         axis = _axis(key, lines)
         for dataset in dict.fromkeys(line.dataset for line in lines):
