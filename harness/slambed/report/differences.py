@@ -86,7 +86,7 @@ def _pairs(
         ["engine", "dataset", fixed], sort=False, dropna=False
     ):
         own = named.loc[group.index]
-        order = dict.fromkeys(named[runs["engine"].astype(str) == str(engine)])
+        order = dict.fromkeys(named[runs["engine"].map(text) == text(engine)])
         there = [name for name in order if own.eq(name).any()]
         first = baseline if baseline in there else there[0]
         for other in there:

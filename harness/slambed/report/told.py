@@ -21,7 +21,7 @@ def told(results: Results) -> str:
     ended = int(runs["not_completed"].eq(True).sum())
     parts = [
         _of_measured(runs),
-        f"{ended} of them did not complete" if ended and len(runs) > 1 else "",
+        f"{ended} of {len(runs)} runs did not complete" if ended and len(runs) > 1 else "",
         f"{more} more {'were' if more > 1 else 'was'} not measured" if more else "",
     ]
     return "; ".join(part for part in parts if part) + "."
@@ -33,10 +33,11 @@ def _of_measured(runs: pd.DataFrame) -> str:
     if not lost.any():
         if len(runs) > 1:
             return f"No run of {len(runs)} lost track"
-        ended = runs["not_completed"].eq(True).any()
-        return "The run kept track" + (", and did not complete" if ended else "")
+        return f"The run kept track{_ended(runs)}"
     if lost.all():
-        return f"Every run of {len(runs)} lost track" if len(runs) > 1 else "The run lost track"
+        if len(runs) > 1:
+            return f"Every run of {len(runs)} lost track"
+        return f"The run lost track{_ended(runs)}"
     groups = sorted(
         runs.assign(lost=lost).groupby("label", sort=False),
         key=lambda group: -float(group[1]["lost"].mean()),
@@ -45,6 +46,11 @@ def _of_measured(runs: pd.DataFrame) -> str:
     more = len(groups) - MOST_SYSTEMS
     rest = f"; {more} more systems are in the table" if more > 0 else ""
     return f"Runs with a track loss: {'; '.join(parts)}{rest}"
+
+
+def _ended(run: pd.DataFrame) -> str:
+    """Returns what is added to the sentence about a single run that did not complete."""
+    return ", and did not complete" if run["not_completed"].eq(True).any() else ""
 
 
 def _of_system(label: str, rows: pd.DataFrame) -> str:

@@ -15,8 +15,11 @@ from slambed.metrics.catalog import metric
 from slambed.metrics.statistics import Interval
 from slambed.report.cells import Cell, cells_of
 from slambed.report.conditions import Condition, conditions_of
+from slambed.report.contrast import MetricContrast
+from slambed.report.differences import Difference
 from slambed.report.experiment import write_report
-from slambed.report.figures.boxes import draw_metric
+from slambed.report.figures.boxes import MOST_CELLS, draw_metric
+from slambed.report.figures.changes import draw_changes
 from slambed.report.figures.losses import draw_losses, draw_losses_by_profile
 from slambed.report.figures.stages import STAGES, _stage_bars
 from slambed.report.figures.tradeoff import draw_tradeoff
@@ -141,8 +144,11 @@ def test_the_caption_of_a_tradeoff_names_ranges(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, ranges: tuple[bool, bool], words: str
 ) -> None:
     captions: list[str] = []
+    data: list[pd.DataFrame] = []
     writer = FigureWriter(tmp_path, "", [])
-    monkeypatch.setattr(writer, "save", lambda *parts: captions.append(parts[3]))
+    monkeypatch.setattr(
+        writer, "save", lambda *parts: (captions.append(parts[3]), data.append(parts[4]))
+    )
     cells = [
         Cell(
             f"c{i}", "a", "room", "none", 5, 5, "",
@@ -156,6 +162,12 @@ def test_the_caption_of_a_tradeoff_names_ranges(
     ]  # fmt: skip
     assert draw_tradeoff(cells, "room", "bytes_up", "ate_rmse_m", writer)
     assert captions == [f"One point per combination with {words}; lines join those of a system."]
+    assert list(data[0].columns) == [
+        "cell", "bytes_up", "bytes_up_low", "bytes_up_high",
+        "ate_rmse_m", "ate_rmse_m_low", "ate_rmse_m_high",
+    ]  # fmt: skip
+    # Keys are of stored units, whatever the axes show.
+    assert list(data[0].loc[2][["bytes_up", "ate_rmse_m"]]) == pytest.approx([3e6, 0.03])
 
 
 @pytest.mark.parametrize("count", [1, 4])
@@ -174,6 +186,25 @@ def test_a_box_figure_ends_where_its_scale_does_and_names_single_runs(
     assert axes.get_xlim()[0] < 100 == axes.get_xlim()[1]
     assert [text.get_text() for text in axes.texts] == (["100.0"] if count == 1 else [])
     assert ("the only run" in caption, "Box:" in caption) == (count == 1, count > 1)
+
+
+def test_figures_say_how_many_cells_they_leave_out(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    results = load(
+        write_experiment(tmp_path, [(spec_of("orbslam2", "default", "none", 0), RawRun(2))])
+    )
+    captions: list[str] = []
+    writer = FigureWriter(tmp_path, "", [])
+    monkeypatch.setattr(writer, "save", lambda *parts: captions.append(parts[3]))
+    for count in (MOST_CELLS, MOST_CELLS + 2):
+        cells = [
+            Cell(f"c{i}", "a", "room", f"l{i}", 5, 5, "", {"lost": Interval(0.2, 0, 1, 5)}, [])
+            for i in range(count)
+        ]
+        draw_metric(results, cells, metric("lost"), writer)
+    assert ["more combinations" in caption for caption in captions] == [False, True]
+    assert captions[1].endswith(" 2 more combinations are in summary.csv.")
 
 
 def test_colors_differ_in_gray_too() -> None:
@@ -223,6 +254,53 @@ def test_what_each_system_changes_is_drawn_where_an_experiment_asks_for_it(tmp_p
     figures = json.loads((paths.folder / "figures.json").read_text())
     assert figures[0]["name"] == "changes_room_walk_lost"
     assert "pairs of equal seed" in figures[0]["caption"]
+
+
+def test_infinite_changes_are_drawn_at_the_edge(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    writer = FigureWriter(tmp_path, "", [])
+    saved: list[Any] = []
+    monkeypatch.setattr(writer, "save", lambda *parts: saved.append(parts))
+    inf, item = float("inf"), metric("ate_rmse_m")
+    changes = {"b": Interval(0.01, -0.01, 0.02, 9), "c": Interval(inf, 0.0, inf, 9)}
+    found = [
+        Difference(
+            "room", "none", item, "a", other, MetricContrast(0.1, 0.2, change, "", 1, True, 0), 1.0
+        )
+        for other, change in changes.items()
+    ]
+    draw_changes(found, "room", writer)
+    draw_changes(found[:1], "room", writer)
+    (made, *_, caption, data), (_, *_, plain, _) = saved
+    assert caption.endswith("A mark at the edge is infinite: runs failed.")
+    assert "edge" not in plain and list(data["change"]) == [1.0, inf]
+    (axis,) = made.axes
+    points = axis.containers[0].lines[0].get_xdata()
+    assert list(points) == pytest.approx([1.0, 2.6]) and axis.get_xlim()[1] == pytest.approx(2.6)
+
+
+def test_with_every_frame_losses_are_over_the_sequence(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    runs = [
+        (spec_of("edgeslam", "static", profile, i), RawRun(4, seed=i, lost_at_s=((2.0, 3.0),)))
+        for profile in ("none", "ramp_85")
+        for i in range(2)
+    ]
+    results = load(write_experiment(tmp_path, runs))
+    results.runs["wall_s"] = 40.0  # ten times the sequence
+    writer = FigureWriter(tmp_path, "", [])
+    made: list[Figure] = []
+    monkeypatch.setattr(writer, "save", lambda figure, *_: made.append(figure))
+    for mode in ("realtime", "every_frame"):
+        results.spec["playback"] = {"mode": mode}
+        (*_, condition) = conditions_of(results)
+        draw_losses(results, condition, writer)
+        draw_losses_by_profile(results, "edgeslam:static", "room_walk", results.valid_runs, writer)
+    assert [len(figure.axes) for figure in made] == [2, 1, 1, 1]
+    ends = [figure.axes[0].get_xlim()[1] for figure in made]
+    assert ends[:2] == [40.0, 40.0] and ends[2:] == pytest.approx([4.0, 4.0], abs=0.1)
 
 
 def test_a_system_has_one_color_where_another_is_missing(

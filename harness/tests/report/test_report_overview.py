@@ -190,7 +190,9 @@ def test_the_sentence_names_runs_that_died_without_a_loss() -> None:
     one.runs["not_completed"] = True
     five.runs.loc[:1, "not_completed"] = True
     assert told(one) == "The run kept track, and did not complete."
-    assert told(five) == "No run of 5 lost track; 2 of them did not complete."
+    assert told(five) == "No run of 5 lost track; 2 of 5 runs did not complete."
+    one.runs["lost"] = True
+    assert told(one) == "The run lost track, and did not complete."
 
 
 @pytest.mark.parametrize(

@@ -276,6 +276,19 @@ def test_enough_pairs_show_a_difference(tmp_path: Path) -> None:
     assert "could show" not in difference_table([found]).caption
 
 
+def test_runs_without_an_engine_are_compared_with_each_other(tmp_path: Path) -> None:
+    runs = [
+        (spec_of(system, "default", "none", repetition), RawRun(duration_s=2.0, seed=repetition))
+        for system in ("orbslam2", "edgeslam")
+        for repetition in range(2)
+    ]
+    results = load(write_experiment(tmp_path, runs))
+    results.runs["engine"] = None
+    assert {(d.baseline, d.other) for d in differences(results)} == {("edgeslam", "orbslam2")}
+    results.runs["engine"] = ["virtual", "virtual", float("nan"), None]
+    assert differences(results) == []
+
+
 def test_who_lacks_the_first_one_is_compared_with_its_own_first(tmp_path: Path) -> None:
     places = (
         ("orbslam2", "default", "none"),

@@ -159,11 +159,13 @@ def _draw_shares(results: Results, cells: list[Cell], metric: Metric, writer: Fi
         axis.set_xlim(-2, 108)
         axis.set_xlabel(metric.heading)
         axis.set_title(metric.title + where)
+        left_out = len([c for c in cells if metric.key in c.values]) - len(shown)
+        more = f" {left_out} more combinations are in summary.csv." if left_out else ""
         writer.save(
             made,
             file_name("share", metric.key),
             metric.title + where,
-            "Share of the valid runs with its 95 % Wilson interval.",
+            "Share of the valid runs with its 95 % Wilson interval." + more,
             pd.DataFrame(rows),
         )
 

@@ -2,9 +2,11 @@
 """Draws the change of each system against the first one of its link, with intervals: an ablation in
 one figure."""
 
+import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
 
+from slambed.metrics.statistics import Floats
 from slambed.report.differences import Difference
 from slambed.report.style import FigureWriter, color, figure, file_name, legend_beneath, marker
 
@@ -12,6 +14,8 @@ ROW_IN = 0.34
 """Height of a system's row; it grows by half of this per link beyond two."""
 BESIDE = 0.7
 """Fraction of a row that the links of a system share."""
+BEYOND = 1.3
+"""Infinite changes are drawn at the largest finite end times this."""
 
 
 def draw_changes(found: list[Difference], dataset: str, writer: FigureWriter) -> None:
@@ -25,9 +29,15 @@ def draw_changes(found: list[Difference], dataset: str, writer: FigureWriter) ->
     systems = list(dict.fromkeys(d.other for d in found))
     links = list(dict.fromkeys(d.under for d in found))
     height = 1.2 + ROW_IN * len(systems) * max(1.0, len(links) / 2)
+    edge, ends = _edge(found), _ends(found)
     with figure(height_in=height) as (made, axes):
         for index, link in enumerate(links):
-            _marks(axes[0], [d for d in found if d.under == link], systems, index, len(links))
+            own = [d for d in found if d.under == link]
+            _marks(axes[0], own, systems, index, len(links), edge)
+        if np.isposinf(ends).any():
+            axes[0].set_xlim(right=edge)
+        if np.isneginf(ends).any():
+            axes[0].set_xlim(left=-edge)
         axes[0].axvline(0, color="#444444", linewidth=0.8, zorder=0)
         axes[0].set_yticks(range(len(systems)), systems)
         axes[0].set_ylim(len(systems) - 0.5, -0.5)
@@ -39,13 +49,29 @@ def draw_changes(found: list[Difference], dataset: str, writer: FigureWriter) ->
         writer.save(made, name, title, _caption(found), _rows(found))
 
 
-def _marks(axis: Axes, own: list[Difference], systems: list[str], index: int, links: int) -> None:
+def _ends(found: list[Difference]) -> Floats:
+    """Returns value, low and high of each change in shown units [N,3]."""
+    changes = [d.found.change.scaled(d.metric.scale) for d in found]
+    return np.array([[c.value, c.low, c.high] for c in changes], dtype=np.float64)
+
+
+def _edge(found: list[Difference]) -> float:
+    """Returns where infinite changes are drawn, beyond all finite ones."""
+    ends = np.abs(_ends(found))
+    finite = ends[np.isfinite(ends)]
+    return BEYOND * float(finite.max()) if finite.any() else 1.0
+
+
+def _marks(
+    axis: Axes, own: list[Difference], systems: list[str], index: int, links: int, edge: float
+) -> None:
     across = (index - (links - 1) / 2) * BESIDE / links
-    changes = [d.found.change.scaled(d.metric.scale) for d in own]
+    value, low, high = np.clip(_ends(own), -edge, edge).T
     axis.errorbar(
-        [c.value for c in changes],
+        value,
         [systems.index(d.other) + across for d in own],
-        xerr=[[c.value - c.low for c in changes], [c.high - c.value for c in changes]],
+        xerr=[value - low, high - value],
+        clip_on=bool(np.isfinite(_ends(own)).all()),
         color=color(index),
         marker=marker(index),
         linestyle="none",
@@ -67,6 +93,11 @@ def _caption(found: list[Difference]) -> str:
     return (
         f"Each system less {_baselines(found)}{pairs}, with 95 % intervals{ranges}; "
         f"at least {fewest} runs a side."
+        + (
+            ""
+            if np.isfinite(_ends(found)).all()
+            else " A mark at the edge is infinite: runs failed."
+        )
     )
 
 

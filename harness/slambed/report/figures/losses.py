@@ -21,8 +21,9 @@ def draw_losses(results: Results, condition: Condition, writer: FigureWriter) ->
     if not _any_loss(condition.runs):
         writer.nothing(name, title, _no_loss(condition.runs))
         return
-    profile = asked_profile(results, condition.runs)
-    end_s = _end_s(condition.runs)
+    # The link's log is over the run, which takes longer than the sequence with every frame.
+    profile = None if _every_frame(results) else asked_profile(results, condition.runs)
+    end_s = _end_s(results, condition.runs)
     rows: list[pd.DataFrame] = []
     with figure(
         2 if profile is not None else 1,
@@ -63,7 +64,7 @@ def draw_losses_by_profile(
     if not _any_loss(runs):
         writer.nothing(name, title, _no_loss(runs))
         return
-    end_s = _end_s(runs)
+    end_s = _end_s(results, runs)
     rows: list[pd.DataFrame] = []
     with figure(height_in=3.4) as (made, axes):
         for index, (profile, part) in enumerate(runs.groupby("profile", sort=False, dropna=False)):
@@ -139,7 +140,18 @@ def _no_loss(runs: pd.DataFrame) -> str:
     return f"nothing to draw, no track loss in {measured} run{'' if measured == 1 else 's'}"
 
 
-def _end_s(runs: pd.DataFrame) -> float:
-    ends = pd.to_numeric(runs["wall_s"]).dropna()
+def _every_frame(results: Results) -> bool:
+    playback = results.spec.get("playback")
+    return isinstance(playback, dict) and playback.get("mode") == "every_frame"
+
+
+def _end_s(results: Results, runs: pd.DataFrame) -> float:
+    """Returns the end of the axis in sequence time: where runs keep its pace the end of the longest
+    run, else of the ground truth; not before the last loss."""
     losses = pd.to_numeric(runs["first_loss_s"]).dropna()
-    return float(max([*ends.tail(1000), *losses, 1.0]))
+    if not _every_frame(results):
+        ends = pd.to_numeric(runs["wall_s"]).dropna()
+        return float(max([*ends.tail(1000), *losses, 1.0]))
+    truth = results.groundtruth(text(runs["dataset"].iloc[0]))
+    length_s = float(np.ptp(truth.stamps_s)) if truth is not None and len(truth) else 0.0
+    return float(max([*losses, length_s, 1.0]))

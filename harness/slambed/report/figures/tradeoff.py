@@ -83,7 +83,7 @@ def draw_tradeoff(cells: list[Cell], dataset: str, x: str, y: str, writer: Figur
                     zorder=3,
                     **look,
                 )
-                rows.append({"cell": cell.name, x: a.value, y: b.value})
+                rows.append({"cell": cell.name, **_stored(cell, x), **_stored(cell, y)})
             if len(profiles) == 1:
                 look["marker"] = marker(index)
             handles.append(Line2D([], [], linestyle=dash(index), label=label, **look))
@@ -116,3 +116,9 @@ def draw_tradeoff(cells: list[Cell], dataset: str, x: str, y: str, writer: Figur
             pd.DataFrame(rows),
         )
     return True
+
+
+def _stored(cell: Cell, key: str) -> dict[str, float]:
+    """Returns a value with its interval under the metric's key, in its stored unit."""
+    found = cell.values[key]
+    return {key: found.value, f"{key}_low": found.low, f"{key}_high": found.high}
