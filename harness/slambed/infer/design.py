@@ -77,7 +77,8 @@ def _value(item: OpenItem, u: float) -> Scalar:
     if isinstance(low, int) and isinstance(high, int):
         return low + int(u * (high - low + 1))
     step = 10.0 ** (np.floor(np.log10(high - low)) - DIGITS + 1)
-    return float(f"{low + round(u * (high - low) / step) * step:.12g}")
+    rounded = float(f"{low + round(u * (high - low) / step) * step:.12g}")
+    return min(float(high), rounded)
 
 
 def rounds_of(form: Form) -> list[int]:

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from scipy import special, stats
 
-from slambed.infer.design import Point, printed_point, rounds_of, spread
+from slambed.infer.design import Point, _value, printed_point, rounds_of, spread
 from slambed.infer.inference import _back
 from slambed.infer.inference_plan import Criterion, Form, OpenItem
 from slambed.infer.mixture import (
@@ -255,6 +255,11 @@ def test_every_kept_point_has_all_runs_and_bad_ones_have_few(
         assert sum(truth.asked.values()) < 0.6 * 48 * 50
 
 
+def test_no_point_is_beyond_its_range() -> None:
+    item = OpenItem(says="", set="params.x", range=[0.0, 0.1009], printed=0.0)
+    assert _value(item, 0.999) == 0.1009 and _value(item, 0.99) == 0.1
+
+
 def test_the_same_search_finds_the_same() -> None:
     first, second = Truth(3).fit(), Truth(3).fit()
     assert [e.point for e in first.ranked] == [e.point for e in second.ranked]
@@ -326,6 +331,14 @@ def test_success_is_what_the_plan_says(asked: dict[str, Any], met: bool, why: st
     cells = [*CELLS, *exchanged] if "d" in asked.get("cells", []) else CELLS
     found = judge(Criterion.model_validate({"says": "", **asked}), [], cells)
     assert found.met is met and why in found.why
+
+
+def test_a_share_of_cells_is_not_missed_by_rounding() -> None:
+    cells = [compared_cell(f"c{n}", 10, 12, 5, 20 if n < 11 else 9) for n in range(20)]
+    asked = Criterion.model_validate({"says": "", "kind": "fitted_inside", "at_least": 0.55})
+    assert judge(asked, cells, []).met
+    asked = Criterion.model_validate({"says": "", "kind": "fitted_inside", "at_least": 0.6})
+    assert not judge(asked, cells, []).met
 
 
 def test_shares_of_different_numbers_of_runs_are_ranked_as_shares() -> None:
