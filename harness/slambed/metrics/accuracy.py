@@ -158,6 +158,9 @@ def _too_few_pairs(
     if not len(estimate) or not len(truth):
         empty = "estimate" if not len(estimate) else "ground truth"
         return SlambedError(f"{found}: no pose in the {empty}")
+    for name, path in (("estimate", estimate), ("ground truth", truth)):
+        if len(path) < MINIMUM_PAIRS:
+            return SlambedError(f"{found}: the {name} has too few poses ({len(path)})")
     own_s, true_s = np.sort(estimate.stamps_s), np.sort(truth.stamps_s)
     ranges = (
         f"the estimate is from {own_s[0]:.3f} to {own_s[-1]:.3f} s, the ground truth from "

@@ -284,6 +284,15 @@ def test_too_few_pairs_say_what_keeps_them_apart(later_s: float, complaint: str)
         absolute_error(walk, other)
 
 
+def test_a_path_of_two_poses_is_called_too_short() -> None:
+    rows = [[t, t, 0, 0, 0, 0, 0, 1.0] for t in range(5)]
+    path, short = (Trajectory.of_rows(np.array(some)) for some in (rows, rows[:2]))
+    with pytest.raises(SlambedError, match=r"the estimate has too few poses \(2\)"):
+        absolute_error(short, path)
+    with pytest.raises(SlambedError, match=r"the ground truth has too few poses \(2\)"):
+        absolute_error(path, short)
+
+
 def test_a_short_path_explains_how_to_be_compared() -> None:
     rows = [[t / 10, t, 0, 0, 0, 0, 0, 1.0] for t in range(5)]
     walk = Trajectory.of_rows(np.array(rows))
