@@ -77,11 +77,14 @@ def plan_lines(
         # Cells without a published number, such as another codec's, decide nothing and are not
         # counted.
         fewest = _fewest(results, behind)
+        short = results.expected is not None and results.expected > len(results.runs)
+        there = f"{len(results.runs)} of {results.expected} runs of it are there"
         if fewest < item.runs:
             text = _too_few(results, fewest, item.runs)
-            if results.expected and results.expected > len(results.runs):
-                text += f" ({len(results.runs)} of {results.expected} runs of it are there)"
-            found.append(PlanLine(f"{text}.", bad=True))
+            found.append(PlanLine(f"{text} ({there})." if short else f"{text}.", bad=True))
+        elif short:
+            # Whole combinations may be missing, of which no run is behind any number.
+            found.append(PlanLine(f"{results.name}: {there}.", bad=True))
     played = {r.name for r in experiments if (r.valid_runs["engine"] == column.engine).any()}
     for name, item in planned.items():
         if column.engine != plan.engine or name in {results.name for results in used}:

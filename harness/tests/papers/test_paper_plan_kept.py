@@ -107,6 +107,8 @@ def test_what_was_not_as_planned_is_reported(dynnetslam: Paper) -> None:
     assert bad(dynnetslam, plan, other_seed) == ["made_up: seed 2, 1 was planned."]
     fewer = results(runs=6, plan=plan)
     assert bad(dynnetslam, plan, fewer) == ["made_up: 6 runs of a combination, 10 were planned."]
+    whole_missing = replace(results(plan=plan), expected=60)
+    assert bad(dynnetslam, plan, whole_missing) == ["made_up: 50 of 60 runs of it are there."]
     one = results(runs=1, plan=plan)
     assert bad(dynnetslam, plan, one) == ["made_up: 1 run of a combination, 10 were planned."]
     column = compare_paper(dynnetslam, pool_of([one]), []).columns[0]
