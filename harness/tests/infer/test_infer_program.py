@@ -89,6 +89,7 @@ def test_what_was_open_is_found_and_predicts(room: Room, tmp_path: Path) -> None
     assert light["counts"]["small.T1.losses.helped"] == [0, 6]
     page = (tmp_path / "results/inference/dark/index.html").read_text()
     assert found["digest"] in page and "committed unchanged" in page
+    assert "is worth, of 6 runs per cell each" in page
     assert "<script" not in page and "http" not in page.replace("http://www.w3.org", "")
 
     # The second call executes nothing and writes the same page.
